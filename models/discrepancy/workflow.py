@@ -96,7 +96,7 @@ def investigate(
         above = gaps.speed.refit**2 - gaps.speed.noise_floor**2
         findings = Findings(
             decision.verdict,
-            summary(table, decision, gaps.distance, gaps.ends),
+            summary(table, decision, seen.visible, gaps.distance, gaps.ends),
             named_effects(decision, located),
             likely(weights),
             located_axes(decision, located, above, settings.structure),
@@ -110,7 +110,7 @@ def investigate(
             time.perf_counter() - begin,
             cost_of(table, decision.explanation, unchanged=decision.keeps_model),
             changes(model, better),
-            {name: size for name, size in decision.visible.items() if np.isfinite(size)},
+            {name: size for name, size in seen.visible.items() if np.isfinite(size)},
             evidence_of(table, base, decision, located),
         )
         reach(HUNDREDTHS)

@@ -39,21 +39,14 @@ def held_to_account(
     decision, gaps, contradicted = _confirmed(table, base, decision, settings, next_to)
     # Something is missing for certain: no name is no reason for `none`.
     is_certain = contradicted and any(a.p_value < settings.structure for a in located)
-    unknown = Decision(
-        Verdict.UNKNOWN,
-        base,
-        axis=mainly_along(located),
-        notes=decision.notes,
-        visible=decision.visible,
-    )
+    unknown = Decision(Verdict.UNKNOWN, base, axis=mainly_along(located), notes=decision.notes)
     has_gap = gaps.distance.closed is not None
     if contradicted and decision.keeps_model and (is_certain or has_gap):
         decision = unknown
     before, refit = gaps.distance.before, gaps.distance.refit
     min_change = float(np.mean(practical_lengths(table.distance, settings)))
-    none = decision.verdict is Verdict.NONE
-    # New coefficients may lie within the errors of a calibration and still be worth centimetres.
-    if none and before >= max(_CLEARLY * refit, refit + min_change):
+    # However likely new coefficients are, they are reported where stops held out need them.
+    if decision.keeps_model and before >= max(_CLEARLY * refit, refit + min_change):
         decision = drifted(decision, seen)
     is_drift = decision.verdict in (Verdict.PARAMETER_DRIFT, Verdict.UNIDENTIFIABLE)
     is_better = any(gap.refit < gap.before for gap in (gaps.speed, gaps.distance))
@@ -86,7 +79,7 @@ def _confirmed(
         notes = (*notes, *decision.notes, fits)
         decision = next_to(contradicted)
         if decision.names and len(contradicted) == LEADERS:
-            decision = Decision(Verdict.NONE, base, visible=decision.visible)
+            decision = Decision(Verdict.NONE, base)
         gaps = compared(table, base, decision.explanation, floor, settings)
     notes = (*notes, *decision.notes)
     return replace(decision, notes=notes), gaps, bool(contradicted)

@@ -37,7 +37,6 @@ class Decision:
         axis: that an unknown follows. absorbed: for `unidentifiable`. notes: warnings.
         unchanged: the model stays as configured.
         named: which of the explanation's effects are named; others are fitted along.
-        visible: change of a stop from which an effect would have been seen, by name [m].
     """
 
     verdict: Verdict
@@ -49,7 +48,6 @@ class Decision:
     notes: tuple[str, ...] = ()
     unchanged: bool = False
     named: tuple[int, ...] = ()
-    visible: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def keeps_model(self) -> bool:
@@ -71,7 +69,7 @@ def decide(
     settings: DiscrepancySettings,
 ) -> Decision:
     """One word for the log."""
-    nothing = Decision(Verdict.NONE, plain, visible=seen.visible)
+    nothing = Decision(Verdict.NONE, plain)
     # Scatter between stops is so large that chance could give many names.
     wild = plain.whitener.scatter > WILD_SCATTER and answer.probability < _BEYOND_NOISE
     if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or wild):
@@ -86,8 +84,6 @@ def decide(
         case Verdict.UNKNOWN:
             along = next((f for f in located if f.axis.name == answer.axis), None)
             return replace(nothing, verdict=Verdict.UNKNOWN, axis=along or mainly_along(located))
-        case Verdict.PARAMETER_DRIFT:
-            return drifted(nothing, seen)
         case _:
             return nothing
 

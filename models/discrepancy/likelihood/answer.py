@@ -19,8 +19,6 @@ without a name from which one name next to them spoils their axis [1]."""
 _RULED_OUT = 0.05  # weight relative to the leader's of what is no alternative any more [1]
 _UNSOLVED = 0.08  # force left at the onset from which its shape is not understood [1]
 _WILD = 0.3  # force that varies along each stop, from which speeds are no speeds [1]
-_CHANGED = (0.02, 0.05)
-"""Change of stops by new coefficients to report where these are likely, and in any case [1]."""
 
 _CALM, _NAMED, _UNKNOWN, _MIXED = "calm", "named", "unknown", "mixed"
 
@@ -67,9 +65,7 @@ def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer
         leader = next(e for e in every if e.axes)
         return Answer(Verdict.UNKNOWN, leader, calm, axis, along, of_names)
     if kinds.get(_CALM, 0.0) >= _ANSWERED:
-        drifted = weights.change > _CHANGED[weights.changed <= 0.5]
-        verdict = Verdict.PARAMETER_DRIFT if drifted else Verdict.NONE
-        return Answer(verdict, calm, calm, axis, kinds[_CALM], of_names)
+        return Answer(Verdict.NONE, calm, calm, axis, kinds[_CALM], of_names)
     first = max(of_names, key=lambda n: of_names[n], default="")
     if of_names.get(first, 0.0) >= _ANSWERED:
         leader = _with([e for kind, e, _ in each if kind == _NAMED], first, of_names)

@@ -11,10 +11,8 @@ from scipy.special import logsumexp
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit
-from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, base_shares
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
-from slopewise.models.quantity import GRAVITY
 
 LAG = next(name for name, law in LAWS.items() if law.enters is Enters.LAG)
 """Name of the effect that is an onset, not a column."""
@@ -74,21 +72,3 @@ def _over_build_up(fit: Fit, late: Floats, lag: bool) -> tuple[float, int]:
     terms = terms + np.log(np.maximum(density, 1e-300))
     weight = float(logsumexp(terms) + np.log(fine[1] - fine[0]))
     return weight, int(np.argmin(np.abs(log_tau - fine[int(np.argmax(terms))])))
-
-
-def change_of_stops(trace: Trace, fit: Fit) -> float:
-    """Root mean square change of stopping distances by coefficients and dead time [1]."""
-    table, onset = trace.table, fit.onsets[fit.best]
-    mean = fit.solutions[fit.best].mean
-    shift = base_shares(table) @ mean[BASE_PLACES]
-    braking = trace.used
-    count = np.maximum(braking.sum(axis=1), 1.0)
-    average = [(x * braking).sum(axis=1) / count for x in (trace.expected.shares[:, :, 0], shift)]
-    slope = (np.sin(table.grade) * braking).sum(axis=1) / count
-    pull = [np.maximum(average[0] + slope, 0.05), np.maximum(sum(average) + slope, 0.05)]
-    late = [trace.model.braking.dead_time, onset.dead_time + onset.build_up]
-    way = [
-        table.held * t + table.held**2 / (2.0 * GRAVITY * p)
-        for t, p in zip(late, pull, strict=True)
-    ]
-    return float(np.sqrt(np.mean((way[1] / way[0] - 1.0) ** 2)))

@@ -21,11 +21,7 @@ from slopewise.models.discrepancy.likelihood.dictionary import (
 )
 from slopewise.models.discrepancy.likelihood.fit import Fit, fit, quick_fit
 from slopewise.models.discrepancy.likelihood.place import placed
-from slopewise.models.discrepancy.likelihood.posterior import (
-    Explanation,
-    change_of_stops,
-    explanations,
-)
+from slopewise.models.discrepancy.likelihood.posterior import Explanation, explanations
 from slopewise.models.discrepancy.likelihood.search import WIDTH, Found, searched
 from slopewise.models.discrepancy.likelihood.trace import Trace, trace_of
 from slopewise.models.effects.registry import LAWS
@@ -41,14 +37,10 @@ class Weights:
     """Weights of all explanations of a log.
 
     Attributes:
-        explanations: the heaviest first. change: root mean square change of stopping distances by
-            new coefficients alone [1]. changed: probability of such, if nothing else is missing.
-        book: columns of all that was tried.
+        explanations: the heaviest first. book: columns of all that was tried.
     """
 
     explanations: tuple[Explanation, ...]
-    change: float
-    changed: float
     book: Dictionary
 
 
@@ -94,9 +86,7 @@ def weighed(
     _try_named(known, ranked[:LEADERS], trace, book)
     every = explanations(known.values(), model.braking.dead_time, odds)
     advance(1.0)
-    calm = known[nothing]
-    solution = calm.solutions[calm.best]
-    return Weights(tuple(every), change_of_stops(trace, calm), solution.changed, book)
+    return Weights(tuple(every), book)
 
 
 _Known = dict[frozenset[str], Fit]

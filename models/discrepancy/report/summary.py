@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -96,20 +96,27 @@ def _where(effect: Effect, along: ResidualAxis | None) -> str:
     return f"along {axis}, most at {low:.3g} … {high:.3g} {along.axis.unit}".rstrip()
 
 
-def summary(table: StopTable, decision: Decision, distance: Gap, ends: tuple[float, float]) -> str:
+def summary(
+    table: StopTable,
+    decision: Decision,
+    visible: Mapping[str, float],
+    distance: Gap,
+    ends: tuple[float, float],
+) -> str:
     """One or two sentences.
 
     Args:
-        table: stops. decision: verdict and names. distance: gap in stopping distance.
+        table: stops. decision: verdict and names. visible: change of a stop from which an effect
+            would have been seen, by name [m]. distance: gap in stopping distance.
         ends: how much longer than configured stops are, the least and the most [m].
     """
     names = " and ".join(LAWS[n].missing for n in dict.fromkeys(decision.names))
     match decision.verdict:
         case Verdict.NONE:
-            text = "The model stops as the log does. " + _not_seen(table, decision)
+            text = "The model stops as the log does. " + _not_seen(table, visible)
         case Verdict.TOO_NOISY:
             text = "This log is too noisy to say whether anything is missing. "
-            text += _not_seen(table, decision)
+            text += _not_seen(table, visible)
         case Verdict.PARAMETER_DRIFT:
             text = "The model is right in kind, its coefficients or dead time are not: refitted."
         case Verdict.MISSING_EFFECT:
@@ -142,9 +149,9 @@ def _both_ways(shortest: float, longest: float) -> str:
     return shorter if longest <= UNSEEN else f"{longer} and {shorter}"
 
 
-def _not_seen(table: StopTable, decision: Decision) -> str:
+def _not_seen(table: StopTable, visible: Mapping[str, float]) -> str:
     """Change of stops from which an effect would have shown in this log, as a sentence."""
-    sizes = sorted((size, name) for name, size in decision.visible.items() if np.isfinite(size))
+    sizes = sorted((size, name) for name, size in visible.items() if np.isfinite(size))
     if not sizes:
         return "Its stops are too much alike to show any effect."
     (shortest, first), (longest, last) = sizes[0], sizes[-1]

@@ -89,7 +89,7 @@ def test_the_longest_stop_is_reported_whatever_the_mean(
     stops = table("clean")
     decision = _decision(Verdict.PARAMETER_DRIFT)
     gap = Gap("stopping distance, rms", "m", 0.5, 0.1, 0.1, 0.1, None, None)
-    assert f"Stops of this log are {text}" in summary(stops, decision, gap, ends)
+    assert f"Stops of this log are {text}" in summary(stops, decision, {}, gap, ends)
 
 
 def test_the_axis_with_the_largest_share_leads_and_calm_logs_list_none() -> None:
