@@ -135,10 +135,12 @@ class Ranked:
 
     Attributes:
         candidate: name.
-        cost: travel time and what is missed [s], inf where it was not planned. The way of a vehicle
-            off its line counts where the candidate is among the best.
+        cost: travel time and what is missed [s], inf where it was not planned.
         valid: the verifier has no objection to its time-optimal profile.
         reason: why it was not planned, or what the verifier objects to.
+
+    The way of a vehicle off its lines counts for the best candidates; the cost and the verdict of
+    the others are those of the line alone.
     """
 
     candidate: str

@@ -128,13 +128,20 @@ class BestCandidates:
         best = [j for j, name in enumerate(paths.names) if name in before and j != previous]
         self.expected = np.array([*self._driven, *best], np.int64)
         self._last: CycleBatch | None = None
+        self._asked, self._calls = set(best), 0
         self._changed: Ints = np.arange(len(paths.names))
 
     def of(self, solved: TimeOptimalBatch) -> Ints:
         """Indices of those in a batch."""
         self.batch = CycleBatch.verified(self._paths, solved, self._last, self._changed)
         self.order = self.batch.order(self._previous, self._gain)
-        best = [j for j in self.order if j != self._previous][: self._count]
+        by_cost = [j for j in self.order if j != self._previous]
+        best = by_cost[: self._count]
+        if not self._asked.issuperset(best):
+            # Twice as many each time, so that a few times are enough where most ways are blocked.
+            best = by_cost[: self._count << self._calls]
+            self._calls += 1
+        self._asked.update(best)
         lanes = np.array([*self._driven, *best], np.int64)
         self._last, self._changed = self.batch, lanes[lanes < len(self._paths.names)]
         return lanes

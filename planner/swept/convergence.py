@@ -215,7 +215,7 @@ def _hull(
     begin = np.array([0.0, late] if late > 0.0 else [0.0])[:, None, None, None]
     lookahead = np.stack([np.full_like(longest, shortest), np.sqrt(shortest * longest), longest])
     ahead = distance - begin
-    # All courses at once: (begins, lookaheads, K, M).
+    # All courses together: (begins, lookaheads, K, M).
     lateral, error = offset_and_heading(ahead, offset + begin * turned, turned, lookahead[:, None])
     turn_back = np.abs(lateral / lookahead[:, None] + error) * (2.0 / lookahead[:, None])
     curvature = np.where(ahead > 0.0, turn_back, 0.0).max(axis=(0, 1))

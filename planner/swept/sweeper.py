@@ -64,7 +64,7 @@ class SweptPoses:
     """Bars of M candidates of up to N stations, up to the first of each.
 
     Attributes:
-        code, found: as `BroadPhase.sweep` of the core has them.
+        code, found: of stations (N, M) and lanes (M, 4), see `BroadPhase.sweep` of the core.
         body: (N, M) poses that were swept.
         departures: (M,) sentences on where the vehicle comes from, where that decided.
         searched: poses that the screen of the map did not clear.
@@ -163,10 +163,12 @@ class Sweeper:
         Args:
             swept: what was found before.
             profile: M candidates. departure: vehicle pose relative to them.
-            lanes: candidates that the vehicle is off, and to which no way was swept before.
+            lanes: indices, in any order, of candidates that the vehicle is off and to which no way
+                was swept before.
         """
         if len(lanes) == 0:
             return swept
+        lanes = np.sort(lanes)
         part = _only(profile, lanes)
         late = self.errors.latency + departure.age
         converging = convergence(part, departure.only(lanes), self.model, late)
@@ -189,7 +191,7 @@ class Sweeper:
 
 
 def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
-    """Some candidates, by their indices, with what is swept."""
+    """Some candidates, by their ascending indices, with what is swept."""
     if len(lanes) == len(profile.count):
         return profile
     offset = profile.follower_offset
@@ -204,7 +206,7 @@ def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
 
 
 def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
-    """Columns of arrays (N, M), each of them contiguous; unchanged where all are asked for."""
+    """Columns of arrays (N, M), ascending, each contiguous; unchanged where all are asked for."""
     return [
         row if len(lanes) == row.shape[1] else np.ascontiguousarray(row[:, lanes]) for row in rows
     ]

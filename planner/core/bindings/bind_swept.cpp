@@ -142,6 +142,7 @@ void suspect_all(MapBroadPhase& self) {
   all.east.swap(blocks.east);
   all.north.swap(blocks.north);
   blocks = std::move(all);
+  self.grid.suspect_band();
 }
 
 }  // namespace

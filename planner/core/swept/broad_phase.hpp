@@ -96,6 +96,10 @@ class BroadPhase {
   [[nodiscard]] ScreenedBlocks& blocks() noexcept { return *blocks_; }
   // Highest relief within the band of a wheel, of each block [m].
   [[nodiscard]] const std::vector<float>& relief_beside() const noexcept { return relief_beside_; }
+  void suspect_band() noexcept {
+    std::fill(relief_beside_.begin(), relief_beside_.end(),
+              std::numeric_limits<float>::infinity());
+  }
   // What a pose may meet with its middle in a block, apart from wheels.
   [[nodiscard]] std::int32_t bits_of(std::int32_t block) const noexcept {
     return clears_bodies_ ? blocks_->bits[static_cast<std::size_t>(block)]

@@ -300,6 +300,15 @@ def test_a_vehicle_too_fast_for_ground_next_to_its_path_brakes() -> None:
     assert np.all(np.diff(plan.speed) <= 0.0)
 
 
+def test_only_ground_next_to_the_path_is_named_as_such() -> None:
+    """A wall across the path ends it on the line and at both sides alike."""
+    flat = ground_map(lambda x, y: np.where(x > 1.5, 1.0, 0.0), x=(-4.0, 30.0), y=(-6.0, 6.0))
+    plan = plan_on(flat, tracked(model_of(ATV)), start_speed=3.0)
+    assert plan.status is Status.INFEASIBLE
+    assert "ahead at" in plan.reason
+    assert "next to the path" not in plan.reason
+
+
 def rough(seed: int) -> ElevationMap:
     """Smooth ground at random, with slopes of some 8°."""
     heights = np.random.default_rng(seed).standard_normal((120, 340))

@@ -36,9 +36,11 @@ def all_suspect(
 def widened(
     scene: ElevationMap, sizes: SweptSizes, band: BandWidth, x: np.ndarray, y: np.ndarray
 ) -> core.BroadPhase:
-    """A broad phase of a vehicle that is exactly on its line, for one that may be off it."""
+    """A broad phase of a shorter vehicle closer to its line, or exactly on it, for another one."""
     at = scene.elevation, *scene.origin, scene.resolution
-    return core.BroadPhase(*at, sizes, None, x, y, 0.2).widened(sizes, band)
+    shorter = sizes._replace(front=sizes.front - 0.1, rear=sizes.rear - 0.1)
+    narrower = None if x.shape[0] % 2 else band._replace(widest=0.5 * band.widest)
+    return core.BroadPhase(*at, shorter, narrower, x, y, 0.2).widened(sizes, band)
 
 
 BAND = InputErrors(cross_track=0.2, heading=0.03)
