@@ -41,7 +41,9 @@ class BandGround(NamedTuple):
     def bounds(
         self, profile: TerrainProfile, model: Model, j: int, clear: float
     ) -> tuple[Floats, Ints, float]:
-        """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²]; clear distance [m].
+        """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²].
+
+        And the clear distance [m], inf where ground at the sides does not shorten it.
 
         Args:
             profile: a batch. model: that of its plans. j: index of the candidate.
@@ -79,4 +81,5 @@ class BandGround(NamedTuple):
         side = bounds.speed_sq_max.argmin(axis=1)
         at_rows = np.arange(n), side
         lowest, limiting = bounds.speed_sq_max[at_rows], bounds.limiting[at_rows]
-        return lowest, limiting, float(bounds.clear_distance.min())
+        free = float(bounds.clear_distance.min())
+        return lowest, limiting, free if free < clear else np.inf

@@ -122,7 +122,6 @@ def time_optimal_batch(
     ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
     errors = survived_errors(model, uncertainty)
     search = HazardSearch.along(elevation_map, profile, model, errors)
-
     around = BandGround(elevation_map, errors, conditions, uncertainty)
 
     def solved_with(swept: SweptPoses) -> TimeOptimalBatch:
