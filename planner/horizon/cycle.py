@@ -76,8 +76,7 @@ class Cycle:
     ) -> tuple[CycleAnswer, PreviousPlan | None]:
         """The answer where there are candidates to drive."""
         planner = self._planner
-        at = (self._state.x, self._state.y)
-        rest = cut(candidates.paths, candidates.projection, at)
+        rest = cut(candidates.paths, candidates.projection, (self._state.x, self._state.y))
         # Plans rest at stations: what a path costs jumps by the distance from one to the next.
         step = float(np.hypot(np.diff(rest.x[1:3], axis=0), np.diff(rest.y[1:3], axis=0)).max())
         gain = self._settings.switch_gain + planner.planning.horizon_penalty * step
@@ -102,8 +101,7 @@ class Cycle:
         continued, deficit, unchanged = self._continue(batch, index)
         plans = [] if continued is None else [continued]
         # The previous plan and the best other candidate are finished at any time.
-        rest_of_order = [j for j in order if j != index]
-        for n, j in enumerate(rest_of_order[:count]):
+        for n, j in enumerate([j for j in order if j != index][:count]):
             if n > 0 and planner.late():
                 break
             plans.append(self._begin(batch, j))
