@@ -97,7 +97,7 @@ def with_own_files(command: Callable[..., Any]) -> Callable[..., Any]:
                 if file.exists() and not file.is_file():
                     continue  # a folder, a pipe, /dev/null
                 earlier = used.setdefault(real_path(file), name)
-                is_model = earlier == "model" and infos[name].metavar.endswith(".toml")
+                is_model = earlier == "model" and infos[name].metavar == "M2.toml"
                 if name in written and earlier != name and not is_model:
                     expected = f"expected another file than that of {earlier.removesuffix('_file')}"
                     raise InputError(str(file), f"--{name}", expected)
