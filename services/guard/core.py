@@ -27,6 +27,8 @@ from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.wire.lateness import ARRIVAL, WallClock
 
+HELD_UP = "the map is from before this machine was held up"
+
 _STANDSTILL = 0.05  # speed and yaw rate below which an emergency stop has ended [m/s], [rad/s]
 
 _ROLLING = 0.15
@@ -100,6 +102,7 @@ class Guard:
         rules = settings.judgement
         self.learned = ServiceParameters(model, rules.trust_learned, rules.awaits_parameters)
         self.seconds: deque[float] = deque(maxlen=_SAMPLES)
+        self.asleep = 0.0  # for which the machine has slept since its start: map ages count it [s]
         self.last = ""
         dead = self._dead_time = float(model.tables[0].dead_time.max())
         self._overspeed = OverspeedMonitor(
@@ -115,12 +118,17 @@ class Guard:
         """Use the parameters in :attr:`learned`."""
         self._model = self.learned.in_use()
 
-    def forget(self, held_up: float) -> None:
-        """Discard all inputs: they may be older than they seem by a time [s]."""
+    def forget(self, since: float, held_up: float) -> None:
+        """Discard all inputs: they may be older than they seem by a time [s].
+
+        ``since``: when that began, since the machine was started [s]; a map may be from then.
+        """
         for feed in self._feeds():
             feed.drop()
         if held_up > self.maps.deadline:
-            self.maps.drop("the map is from before this machine was held up")
+            self.maps.drop(HELD_UP)
+        elif self.maps.newest.age(since) < 0.0 and (ground := self.maps.fresh(since)) is not None:
+            self.maps.take(ground, since)
 
     def clear(
         self,
@@ -180,9 +188,9 @@ class Guard:
         return decision
 
     def _decide(self, now: float, command: BaseCommand | None, fault: str) -> GuardDecision:
-        motion, ground = self.motions.fresh(now), self.maps.fresh(now)
-        feeds: tuple[InputFeed[Any], ...] = (self.motions, self.maps, self.commands)
-        missing = [reason for feed in feeds if (reason := feed.missing(now))]
+        motion, ground = self.motions.fresh(now), self.maps.fresh(now + self.asleep)
+        reasons = self.motions.missing(now), self.maps.missing(now + self.asleep)
+        missing = [reason for reason in (*reasons, self.commands.missing(now)) if reason]
         missing += [self.learned.waits] if self.learned.waits else []
         if fault or missing or motion is None or command is None or ground is None:
             return stop(fault or missing[0])
@@ -253,7 +261,8 @@ class Guard:
 
     def ages(self, now: float) -> dict[str, float]:
         """Age of each input [s], −1 of one that never came."""
-        ages = {feed.name: feed.newest.age(now) for feed in (*self._feeds(), self.maps)}
+        ages = {feed.name: feed.newest.age(now) for feed in self._feeds()}
+        ages[self.maps.name] = self.maps.newest.age(now + self.asleep)
         return {name: age if math.isfinite(age) else -1.0 for name, age in ages.items()}
 
     def stamps(self) -> dict[str, str]:

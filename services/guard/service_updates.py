@@ -7,6 +7,7 @@ after a lost one the ground is unknown until the next whole map; none can be req
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import Counter, OrderedDict, deque
@@ -15,7 +16,7 @@ import zenoh
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.guard.core import Guard
+from slopewise.services.guard.core import HELD_UP, Guard
 from slopewise.services.guard.guard_map import map_layers
 from slopewise.services.guard.parameter_request import PERIOD, ParameterMemory, ParameterRequest
 from slopewise.services.guard.zenoh_transport import format_of
@@ -90,12 +91,14 @@ class ServiceUpdates:
         self._request = ParameterRequest(session, namespace, self._on_reply)
         self._vehicle = vehicle
         self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
-        self._maps: deque[zenoh.Sample] = deque()
+        self._maps: deque[tuple[zenoh.Sample, float]] = deque()  # with arrival, since boot [s]
+        self._distrusted: deque[tuple[float, float]] = deque(maxlen=16)
+        self._void_until = self._read_at = -math.inf
         self._groups: OrderedDict[str, zenoh.Sample] = OrderedDict()
         self._lost, self._closed = 0, False
         self._news = threading.Condition()
         self._new_groups: list[ParameterGroup] = []
-        self._new_map: tuple[ElevationMap | None, str, dict[str, int]] | None = None
+        self._new_map: tuple[ElevationMap | None, str, dict[str, int], float] | None = None
         self._declared = [
             session.declare_subscriber(self._key, self._on_map),
             session.declare_subscriber(f"{namespace}/v1/params/*", self._on_group),
@@ -114,18 +117,28 @@ class ServiceUpdates:
             self._closed = True
             self._news.notify_all()
 
+    def distrust(self, since: float, until: float, *, is_void: bool) -> None:
+        """Count maps that come since then until then as that old: they may have waited [s].
+
+        ``is_void``: they, those from before and patches of them are discarded.
+        """
+        with self._news:
+            self._distrusted.append((since, until))
+            self._void_until = until if is_void else self._void_until
+
     def take(self, guard: Guard) -> None:
         """Hand over what is new; called by the deciding thread, never waits for the reader."""
         with self._news:
             groups, self._new_groups = self._new_groups, []
             new_map, self._new_map = self._new_map, None
         if new_map is not None:
-            ground, reason, counters = new_map
+            ground, reason, counters, at = new_map
             guard.counters.update({k: n - guard.counters[k] for k, n in counters.items()})
             if ground is None:
                 guard.maps.drop(reason)
             else:
-                guard.maps.take(ground, time.monotonic())
+                held_up = [since for since, until in self._distrusted if since <= at < until]
+                guard.maps.take(ground, min(held_up, default=at))
         for group in groups:
             guard.learned.take(group)
         if groups:
@@ -142,7 +155,7 @@ class ServiceUpdates:
                 # The newest may be a whole map, which makes those before it obsolete.
                 self._lost += len(self._maps)
                 self._maps.clear()
-            self._maps.append(sample)
+            self._maps.append((sample, time_since_boot()))
             self._news.notify_all()
 
     def _on_group(self, sample: zenoh.Sample) -> None:
@@ -168,7 +181,7 @@ class ServiceUpdates:
                 if self._closed:
                     return
                 groups, self._groups = self._groups, OrderedDict()
-                sample = self._maps.popleft() if self._maps else None
+                sample, at = self._maps.popleft() if self._maps else (None, 0.0)
                 lost, self._lost = self._lost, 0
                 reply = self._replies.popleft() if self._replies else None
             for key, group in groups.items():
@@ -176,7 +189,7 @@ class ServiceUpdates:
             if reply is not None:
                 self._read_reply(reply)
             if sample is not None:
-                self._read_map(sample, lost)
+                self._read_map(sample, at, lost)
 
     def _read_group(self, key: str, sample: zenoh.Sample) -> None:
         raw = sample.payload.to_bytes()
@@ -204,13 +217,17 @@ class ServiceUpdates:
             self._new_groups += [g for g in reply.groups if g.group not in self._published]
             self._request.is_answered = True
 
-    def _read_map(self, sample: zenoh.Sample, lost: int) -> None:
+    def _read_map(self, sample: zenoh.Sample, at: float, lost: int) -> None:
         if lost:
             _log.warning("%s: %d updates were lost: %s", self._key, lost, LOST)
             self._known.lose(lost)
+        if self._read_at < self._void_until:
+            self._known.lose(0, f"{HELD_UP}; waiting for a whole map")
+        self._read_at = at
         try:
             raw, encoding = sample.payload.to_bytes(), str(sample.encoding)
-            self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
+            if at >= self._void_until:
+                self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
         except Exception as error:  # noqa: BLE001 - logged, and the ground is unknown
             # Ground that could not be read may differ from the known map.
             _log.warning("%s: %s", self._key, error)
@@ -220,4 +237,9 @@ class ServiceUpdates:
             # Here rather than in the first decision.
             map_layers(known.map, self._vehicle)
         with self._news:
-            self._new_map = known.map, known.reason, dict(known.counters)
+            self._new_map = known.map, known.reason, dict(known.counters), at
+
+
+def time_since_boot() -> float:
+    """Time since the machine was started [s]; unlike the monotonic clock, while it sleeps too."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)

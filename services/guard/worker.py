@@ -28,7 +28,7 @@ from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.parameter_request import ParameterMemory
-from slopewise.services.guard.service_updates import ServiceUpdates
+from slopewise.services.guard.service_updates import ServiceUpdates, time_since_boot
 from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardStatus, ZenohTransport
 from slopewise.services.io.model_file import find_model
@@ -72,6 +72,7 @@ class Worker:
         self._settings, self._heartbeat = settings, heartbeat
         self._transport = _transport(settings, session)
         self._begun = self._reported = time.monotonic()
+        self._ignored_until = -math.inf  # time since boot [s]
         space = settings.zenoh.namespace
         self._updates = ServiceUpdates(session, space, known, model.vehicle, memory)
         self._status = session.declare_publisher(
@@ -82,17 +83,16 @@ class Worker:
         """Decide until an event, or until the watchdog has been gone for some time."""
         self._updates.open()
         timing, due = self._settings.timing, time.monotonic()
-        last, ignored_until, orphaned = _time_since_boot(), 0.0, math.inf
+        last, orphaned = time_since_boot(), math.inf
         while not ended.is_set():
             received = self._transport.inbox.take(tuple(self._transport.topics), due)
-            begun, now = time.perf_counter(), time.monotonic()
-            if (held_up := _time_since_boot() - last) > timing.stall:
-                # What comes now may have waited as long, and looks new.
-                self.guard.forget(held_up)
-                ignored_until = now + _DRAINING
-            commanded = now >= ignored_until and hand_over(self.guard, self._transport, received)
+            begun = time.perf_counter()
+            is_certain = self._check_held_up(last) >= self._ignored_until
+            commanded = is_certain and hand_over(self.guard, self._transport, received)
             self._updates.take(self.guard)
-            now, last = time.monotonic(), _time_since_boot()
+            # Once more: the machine may have slept while these were read.
+            last, now = self._check_held_up(last), time.monotonic()
+            self.guard.asleep = time_since_boot() - now
             is_silent = self._heartbeat.is_silent()
             if commanded or now >= due:
                 due = now + timing.period
@@ -111,6 +111,17 @@ class Worker:
         self._transport.send(stop("the guard is leaving"))
         self._updates.close()
         self._transport.close()
+
+    def _check_held_up(self, last: float) -> float:
+        """Time since boot; discard inputs if that is long after the last one [s]."""
+        since_boot = time_since_boot()
+        if (held_up := since_boot - last) > self._settings.timing.stall:
+            # What comes now may have waited as long, and looks new.
+            self.guard.forget(last, held_up)
+            self._ignored_until = since_boot + _DRAINING
+            is_void = held_up > self.guard.maps.deadline
+            self._updates.distrust(last, self._ignored_until, is_void=is_void)
+        return since_boot
 
     def _decision(self, now: float, is_silent: bool) -> GuardDecision:
         try:
@@ -134,11 +145,6 @@ class Worker:
             stamps=self.guard.stamps(),
         )
         self._status.put(**codec.payload_of(status, Format.JSON))
-
-
-def _time_since_boot() -> float:
-    """Time since the machine was started [s]; unlike the monotonic clock, while it sleeps too."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def hand_over(
