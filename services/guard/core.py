@@ -25,6 +25,7 @@ from slopewise.services.guard.pose_jumps import PoseJumps
 from slopewise.services.guard.service_parameters import ServiceParameters
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.guard.stop_courses import Pose2d
+from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.lateness import ARRIVAL, WallClock
 
 HELD_UP = "the map is from before this machine was held up"
@@ -42,6 +43,8 @@ _MIN_SPEED, _MIN_YAW_RATE = 0.1, 0.05
 """Speed [m/s] and yaw rate [rad/s] of a base that moves: above the noise of odometry at rest."""
 
 _ROUNDING = 1e-6  # of moments [s]
+
+_MAX_OPERATORS = 1000  # senders of confirmed poses whose numbers are known [1]
 
 
 class _Clear(NamedTuple):
@@ -110,6 +113,8 @@ class Guard:
         )
         self._pose_age = PoseAge()
         self._jumps = PoseJumps(model, rules.jump, timing.motion)
+        self._stood: float | None = None  # stamp of odometry since which it stands after a jump [s]
+        self._confirmed = SenderTable[str, int](lambda: -1, _MAX_OPERATORS)  # highest numbers
         self._latched = ""
         self._given: deque[tuple[float, BaseCommand]] = deque(maxlen=_SAMPLES)
         self.learn()
@@ -162,11 +167,32 @@ class Guard:
                 turning = max((abs(c.yaw_rate) for c in self._given_since(since)), default=0.0)
             margin = newest.margin if newest.stamps == ARRIVAL else 0.0
             self._jumps.update(motion, now, newest.late, margin, turning)
+            if self._jumps.fault and self._jumps.rest_begin in (None, now):
+                self._stood = time
         return is_new
 
-    def confirm(self, pose: Pose2d, now: float, sender: str, *_: float | None) -> bool:
-        """Continue after a jump from the pose that an operator confirms, of a base at rest."""
-        objection = self.motions.missing(now) or self.motions.conflict(now)
+    def confirm(
+        self,
+        pose: Pose2d,
+        now: float,
+        sender: str,
+        sequence: int | None,
+        time: float | None = None,
+    ) -> bool:
+        """Continue after a jump from the pose that an operator confirms, of a base at rest.
+
+        One that was recorded does not count again: its number is not above the last one of
+        its sender, accepted or not, or its stamp is from before that rest.
+        """
+        objection = ""
+        if sequence is not None:
+            last = self._confirmed.of(sender)
+            if sequence <= last:
+                objection = f"its number is {sequence}, expected one above {last}"
+            self._confirmed[sender] = max(sequence, last)
+        if time is not None and self._stood is not None and time <= self._stood:
+            objection = "it is from before the base stood here"
+        objection = objection or self.motions.missing(now) or self.motions.conflict(now)
         objection = objection or self._jumps.confirm(pose, now)
         outcome = f"was refused: {objection}" if objection else "is the reference now"
         self.motions.record("confirmed pose", now, f"the pose confirmed by {sender} {outcome}")

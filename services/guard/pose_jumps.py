@@ -88,6 +88,11 @@ class PoseJumps:
         if not (self._stood and is_at_rest and is_seen and agrees):
             self._stood = (arrived, motion.pose, self._reckoned) if is_at_rest else None
 
+    @property
+    def rest_begin(self) -> float | None:
+        """Arrival of the odometry since which the base stands after a jump [s]."""
+        return self._stood[0] if self._stood else None
+
     def confirm(self, pose: Pose2d, now: float) -> str:
         """End a jump by the pose that an operator confirms; reason if it is refused, else "".
 

@@ -96,6 +96,8 @@ class RosTransport(RosOutput):
 
     def _confirmed_of(self, message: Any, _: int) -> Pose2d:
         _frame_of(message, self._used_frame)
+        if _stamp_of(message) is None:
+            raise ParameterError("header.stamp", "the time of the confirmation, got 0")
         pose = message.pose.pose
         return Pose2d(pose.position.x, pose.position.y, angles_of(pose.orientation)[2])
 

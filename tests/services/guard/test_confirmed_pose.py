@@ -105,6 +105,35 @@ def test_without_odometry_and_after_a_gap_of_it_nothing_is_confirmed() -> None:
     assert not it.confirm(Pose2d(7.0, 0.0, 0.0), 7.0, "anna", 2)
 
 
+@pytest.mark.parametrize(
+    ("sender", "number", "stamp", "objection"),
+    [
+        ("anna", 7, None, "its number is 7, expected one above 7"),
+        ("anna", 3, 99.0, "its number is 3, expected one above 7"),
+        ("bag", 1, 5.5, "it is from before the base stood here"),
+        ("bag", None, 5.5, "it is from before the base stood here"),
+        ("bag", 1, 7.0, "it is from before the base stood here"),
+        ("anna", 8, None, ""),
+        ("bag", 1, 8.0, ""),
+    ],
+)
+def test_recorded_confirmation_does_not_count_after_the_next_jump(
+    sender: str, number: int | None, stamp: float | None, objection: str
+) -> None:
+    """Nor one that was refused: the base had not stood for long enough."""
+    it, pose = jumped(), Pose2d(17.0, 0.0, 0.0)
+    drive(it, REST, 5.5, lambda now: 7.0)
+    assert it.confirm(Pose2d(7.0, 0.0, 0.0), 5.5, "anna", 6, 5.5)
+    drive(it, 5.5, 6.0, lambda now: 17.0)
+    assert not it.confirm(pose, 6.0, "anna", 7, 6.0)
+    drive(it, 6.0, 7.0, lambda now: 27.0)
+    drive(it, 7.0, 10.5, lambda now: 17.0)
+    assert it._jumps.fault
+    assert it.confirm(pose, 10.5, sender, number, stamp) is (objection == "")
+    assert (it._jumps.fault == "") is (objection == "")
+    assert any(f"refused: {objection}" in text for text in it.warnings(10.5)) is (objection != "")
+
+
 def test_message_of_an_operator_reaches_the_guard_and_a_broken_one_voids_nothing() -> None:
     it, inbox = jumped(), Inbox()
     drive(it, REST, 6.0, lambda now: 7.0)

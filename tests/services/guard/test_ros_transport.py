@@ -52,8 +52,9 @@ def test_header_stamps_are_read(late: float) -> None:
 
 
 def test_confirmed_pose_is_in_the_frame_of_odometry() -> None:
-    """The tool of RViz sends one; a pose of another frame is refused, and voids nothing."""
+    """The tool of RViz sends one; of another frame, or without stamp, it is refused alone."""
     guard, confirmed = Guard(GuardSettings(model="atv"), MODEL, FLAT), []
+    refused: list[str] = []
     with zenoh.open(zenoh_config(ZenohSettings(mode="peer", listen=()))) as session:
         transport = RosTransport(session, GuardRos(enabled=True))
         guard.confirm = lambda pose, *_: bool(confirmed.append(pose))  # type: ignore[method-assign]
@@ -64,10 +65,15 @@ def test_confirmed_pose_is_in_the_frame_of_odometry() -> None:
             odom.send(odometry(0.0, x=3.0, frame="map"))
             for frame in ("odom", "map"):
                 rviz.send(pose_of(3.1, 0.2, frame))
+            unfilled = pose_of(3.1, 0.2, "map")
+            unfilled.header.stamp.sec = 0
+            rviz.send(unfilled)
             time.sleep(0.2)
             inbox = transport.inbox
+            inbox.refuse = lambda topic, reason: refused.append(reason)  # type: ignore[method-assign]
             hand_over(guard, transport, inbox.take(tuple(transport.topics), time.monotonic() + 5.0))
         transport.close()
     assert confirmed == [Pose2d(pytest.approx(3.1), 0.0, pytest.approx(0.2))]
-    assert inbox.refused["/guard_pose"].endswith("expected map, got odom")
+    assert refused[0].endswith("expected map, got odom")
+    assert "header.stamp" in refused[1]
     assert (guard.motions.has_messages, guard.motions.rejection) == (True, "")
