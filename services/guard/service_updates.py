@@ -92,7 +92,8 @@ class ServiceUpdates:
         self._vehicle = vehicle
         self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
         self._maps: deque[tuple[zenoh.Sample, float]] = deque()  # with arrival, since boot [s]
-        self._distrusted: deque[tuple[float, float]] = deque(maxlen=16)
+        self._distrusted: deque[tuple[float, float]] = deque(maxlen=16)  # times of arrival [s]
+        # Arrival until which maps are too old, and that of the newest one that was read [s].
         self._void_until = self._read_at = -math.inf
         self._groups: OrderedDict[str, zenoh.Sample] = OrderedDict()
         self._lost, self._closed = 0, False
@@ -120,7 +121,7 @@ class ServiceUpdates:
     def distrust(self, since: float, until: float, *, is_void: bool) -> None:
         """Count maps that come since then until then as that old: they may have waited [s].
 
-        ``is_void``: they, those from before and patches of them are discarded.
+        ``is_void``: they are too old, and patches of them are not used until a whole map.
         """
         with self._news:
             self._distrusted.append((since, until))
@@ -226,8 +227,7 @@ class ServiceUpdates:
         self._read_at = at
         try:
             raw, encoding = sample.payload.to_bytes(), str(sample.encoding)
-            if at >= self._void_until:
-                self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
+            self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
         except Exception as error:  # noqa: BLE001 - logged, and the ground is unknown
             # Ground that could not be read may differ from the known map.
             _log.warning("%s: %s", self._key, error)
