@@ -110,9 +110,7 @@ class CandidateColumn:
             self._stop_before(finding._replace(station=finding.station - profile.station[first, j]))
         if around.has_band:
             speed_sq, limiting, free = around.bounds(profile, self.model, j, clear)
-            self.clear_at_side = (
-                np.inf if free >= clear else free - float(profile.station[first, j])
-            )
+            self.clear_at_side = free - float(profile.station[first, j])
             self.at_side = self._lower(speed_sq[first:], limiting[first:])
             np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)
 

@@ -138,21 +138,23 @@ class Sweeper:
             profile: M candidates of at least as many stations as poses. body: N poses of each.
             added_band: to that of tracking errors, (N, M) [m].
         """
-        across, band, elevation_map = None, None, self.elevation_map
+        elevation_map, x, y = self.elevation_map, body.x, body.y
+        across, band = None, None
         ahead, turned = self.model.steering_geometry.body_offset, math.sin(self.errors.heading)
         if added_band is not None or self.errors.has_band:
-            across = self.errors.across(profile.curvature[: len(body.x)])
-            step = _CELL_SHARE * elevation_map.resolution
-            band = BandWidth(step * math.ceil(float(across.max()) / step), turned, ahead)
-        if across is None or added_band is None:
-            grid = broad_phase_for(elevation_map, sizes, band, body.x, body.y)
-            return grid.sweep(body, profile, self.spacing, across, self.blocks)
-        across = across + added_band
-        band = BandWidth(float(across.max()), turned, ahead)
-        grid = broad_phase_for(elevation_map, self.sizes, None, body.x, body.y, any_band=True)
-        grid = grid.widened(sizes, band)
-        if not grid.covers(body.x, body.y):
-            grid = broad_phase_for(elevation_map, sizes, band, body.x, body.y)
+            across = self.errors.across(profile.curvature[: len(x)])
+        if across is not None and added_band is not None:
+            across = across + added_band
+            band = BandWidth(float(across.max()), turned, ahead)
+            grid = broad_phase_for(elevation_map, self.sizes, None, x, y, any_band=True)
+            grid = grid.widened(sizes, band)
+            if not grid.covers(x, y):
+                grid = broad_phase_for(elevation_map, sizes, band, x, y)
+        else:
+            if across is not None:
+                step = _CELL_SHARE * elevation_map.resolution
+                band = BandWidth(step * math.ceil(float(across.max()) / step), turned, ahead)
+            grid = broad_phase_for(elevation_map, sizes, band, x, y)
         return grid.sweep(body, profile, self.spacing, across, self.blocks)
 
     def with_convergence(
