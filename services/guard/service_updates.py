@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import math
 import threading
-import time
 from collections import Counter, OrderedDict, deque
 
 import zenoh
@@ -21,6 +20,7 @@ from slopewise.services.guard.guard_map import map_layers
 from slopewise.services.guard.parameter_request import PERIOD, ParameterMemory, ParameterRequest
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
+from slopewise.services.wire.arrival import time_since_boot
 from slopewise.services.wire.map_message import apply_update
 from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 from slopewise.services.wire.plan_messages import MapUpdate
@@ -238,8 +238,3 @@ class ServiceUpdates:
             map_layers(known.map, self._vehicle)
         with self._news:
             self._new_map = known.map, known.reason, dict(known.counters), at
-
-
-def time_since_boot() -> float:
-    """Time since the machine was started [s]; unlike the monotonic clock, while it sleeps too."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME)

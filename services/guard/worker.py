@@ -28,12 +28,13 @@ from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.parameter_request import ParameterMemory
-from slopewise.services.guard.service_updates import ServiceUpdates, time_since_boot
+from slopewise.services.guard.service_updates import ServiceUpdates
 from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardStatus, ZenohTransport
 from slopewise.services.io.model_file import find_model
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
+from slopewise.services.wire.arrival import time_asleep, time_since_boot
 from slopewise.services.wire.codec import Format
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ class Worker:
             self._updates.take(self.guard)
             # Once more: the machine may have slept while these were read.
             last, now = self._check_held_up(last), time.monotonic()
-            self.guard.asleep = time_since_boot() - now
+            self.guard.asleep = time_asleep()
             is_silent = self._heartbeat.is_silent()
             if commanded or now >= due:
                 due = now + timing.period

@@ -19,6 +19,7 @@ from slopewise.services.wire.arrival import (
     SequenceTracker,
     StampCheck,
     StampVerdict,
+    time_asleep,
     warn_of_order,
 )
 from slopewise.services.wire.map_message import apply_update, digest, update_id
@@ -47,17 +48,12 @@ class MapSnapshot:
     id: str = ""  # source and number of the last update
     # SHA-256 of the cells; with each patch, of the digest before it and the cells of the patch
     digest: str = ""
-    asleep: float = field(default_factory=lambda: _time_asleep())  # on its arrival [s]
+    asleep: float = field(default_factory=time_asleep)  # on its arrival [s]
     fixed: bool = False  # initial map without any update since: its age is ignored
 
     def age(self) -> float:
         """Time since the terrain was measured, as far as the clocks show [s]."""
-        return time.monotonic() - self.at + _time_asleep() - self.asleep + self.delay
-
-
-def _time_asleep() -> float:
-    """Time for which this machine has slept since its start, and the monotonic clock stood [s]."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
+        return time.monotonic() - self.at + time_asleep() - self.asleep + self.delay
 
 
 class _Source:

@@ -14,6 +14,7 @@ quickest one is late by the difference. The ``lead`` of a message is its stamp l
 from __future__ import annotations
 
 import math
+import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from enum import Enum
@@ -178,3 +179,13 @@ def warn_of_order(
     elif is_used and order in (MessageOrder.RESTARTED, MessageOrder.FORKED):
         warnings.clear(backwards)
         warnings.add(f"{what}: the source {order.value}")
+
+
+def time_since_boot() -> float:
+    """Time since the machine was started [s]; unlike the monotonic clock, while it sleeps too."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def time_asleep() -> float:
+    """Time for which this machine has slept since its start, and the monotonic clock stood [s]."""
+    return time_since_boot() - time.monotonic()
