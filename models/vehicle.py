@@ -131,9 +131,32 @@ class Vehicle:
             )
 
     @property
+    @lru_cache(maxsize=64)  # noqa: B019 - of few vehicles, asked for some 20 times a plan
     def shape(self) -> Shape:
         """The sizes of body and wheels; missing ones follow the wheel radius."""
-        return _shape_of(self)
+        radius = self.wheel_radius
+        wheel_width = _WHEEL_WIDTH * radius if self.wheel_width is None else self.wheel_width
+        defaults = {
+            "width": self.track_width + wheel_width,
+            "front_overhang": radius,
+            "rear_overhang": radius,
+            "ground_clearance": _CLEARANCE * radius,
+            "max_step": _STEP * radius,
+            "wheel_travel": _STEP * radius,
+        }
+        given = {name: getattr(self, name) for name in defaults}
+        size = {n: defaults[n] if v is None else float(v) for n, v in given.items()}
+        half = 0.5 * self.wheelbase
+        return Shape(
+            size["width"],
+            half + size["front_overhang"],
+            half + size["rear_overhang"],
+            size["ground_clearance"],
+            size["max_step"],
+            size["wheel_travel"],
+            wheel_width,
+            tuple(n for n, v in given.items() if v is None),
+        )
 
     @property
     def brake_share(self) -> float | None:
@@ -141,30 +164,3 @@ class Vehicle:
         if self.front_brake_share is None and self.drive == "ackermann":
             return self.cg_x / self.wheelbase
         return self.front_brake_share
-
-
-@lru_cache(maxsize=64)
-def _shape_of(vehicle: Vehicle) -> Shape:
-    radius = vehicle.wheel_radius
-    wheel_width = _WHEEL_WIDTH * radius if vehicle.wheel_width is None else vehicle.wheel_width
-    defaults = {
-        "width": vehicle.track_width + wheel_width,
-        "front_overhang": radius,
-        "rear_overhang": radius,
-        "ground_clearance": _CLEARANCE * radius,
-        "max_step": _STEP * radius,
-        "wheel_travel": _STEP * radius,
-    }
-    given = {name: getattr(vehicle, name) for name in defaults}
-    size = {n: defaults[n] if v is None else float(v) for n, v in given.items()}
-    half = 0.5 * vehicle.wheelbase
-    return Shape(
-        size["width"],
-        half + size["front_overhang"],
-        half + size["rear_overhang"],
-        size["ground_clearance"],
-        size["max_step"],
-        size["wheel_travel"],
-        wheel_width,
-        tuple(n for n, v in given.items() if v is None),
-    )
