@@ -47,8 +47,11 @@ _STATUS_PERIOD = 1.0  # time between status messages [s]
 _ORPHANED = 10.0
 """Time without a watchdog after which the process ends: until then it sends stops [s]."""
 
-_DRAINING = 0.1
-"""Time for which inputs are ignored after the process was held up: they waited in sockets [s]."""
+_MIN_DRAINING, _MAX_DRAINING = 0.1, 0.5
+"""Limits of the time for which inputs are ignored after the process was held up [s].
+
+They waited in sockets, and are read in less time than they took to come; sockets hold no more.
+"""
 
 
 class Worker:
@@ -97,7 +100,11 @@ class Worker:
             is_silent = self._heartbeat.is_silent()
             if commanded or now >= due:
                 due = now + timing.period
-                self._transport.send(self._decision(now, is_silent))
+                decision = self._decision(now, is_silent)
+                last = self._check_held_up(last)
+                if last < self._ignored_until:  # while it was decided: its inputs are void
+                    decision = self._decision(time.monotonic(), is_silent)
+                self._transport.send(decision)
                 if commanded:
                     self.guard.seconds.append(time.perf_counter() - begun)
             self._heartbeat.beat()
@@ -119,7 +126,7 @@ class Worker:
         if (held_up := since_boot - last) > self._settings.timing.stall:
             # What comes now may have waited as long, and looks new.
             self.guard.forget(last, held_up)
-            self._ignored_until = since_boot + _DRAINING
+            self._ignored_until = since_boot + min(max(_MIN_DRAINING, held_up), _MAX_DRAINING)
             is_void = held_up > self.guard.maps.deadline
             self._updates.distrust(last, self._ignored_until, is_void=is_void)
         return since_boot

@@ -85,9 +85,9 @@ def stand(it: Guard) -> None:
 
 
 @pytest.mark.parametrize("max_age", [1e9, 2.0])
-@pytest.mark.parametrize("while_taking", [False, True])
+@pytest.mark.parametrize("during", ["waiting", "taking", "deciding"])
 def test_nothing_passes_after_a_sleep_until_inputs_are_new(
-    clock: Clock, max_age: float, while_taking: bool
+    clock: Clock, max_age: float, during: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     it, number = guard(map=max_age, command=1.0, motion=1.0), [0]
     it.maps.take(FLAT, _READ())
@@ -96,13 +96,24 @@ def test_nothing_passes_after_a_sleep_until_inputs_are_new(
         number[0] = k
         if k < ASLEEP_AT:
             stand(it)
-        elif not while_taking:
+        else:
+            sleep("waiting")
+
+    def sleep(now: str) -> None:
+        if now == during and number[0] == ASLEEP_AT:
             clock.slept = 3600.0
 
     def take(_: Guard) -> None:
-        if while_taking and number[0] == ASLEEP_AT:
-            clock.slept = 3600.0
+        sleep("taking")
 
+    decide = it.decision
+
+    def decision(*arguments: Any) -> GuardDecision:
+        decided = decide(*arguments)
+        sleep("deciding")
+        return decided
+
+    monkeypatch.setattr(it, "decision", decision)
     actions = [decision.action for decision in run(it, before, take=take)]
     assert actions[1:ASLEEP_AT] == ["pass"] * (ASLEEP_AT - 1)
     assert actions[ASLEEP_AT:] == ["stop"] * (ROUNDS - ASLEEP_AT)
