@@ -21,7 +21,10 @@ class PlannerSettings:
     """Resolution of plans, weights of the ranking, and who smooths them."""
 
     spacing: float = quantity(
-        "m", "Distance between stations; at most one cell of the map.", default=0.25, above=0.0
+        "m",
+        "Distance between stations; at most one cell of the map, and the radius of a wheel.",
+        default=0.25,
+        above=0.0,
     )
     smooth: bool = True
     solver: Solver = "interior_point"
@@ -51,6 +54,10 @@ class PlannerSettings:
             if (value := getattr(self, name)) not in kinds:
                 raise ParameterError(name, f"one of {', '.join(kinds)}, got {value!r}")
 
-    def spacing_on(self, resolution: float) -> float:
-        """Spacing on a map: a wheel sees two cells abreast, and steps over none even in a turn."""
-        return min(self.spacing, resolution)
+    def spacing_on(self, resolution: float, wheel_radius: float) -> float:
+        """Spacing on cells of that size, for a wheel of that radius [m].
+
+        A wheel sees two cells abreast and steps over none even in a turn. What an overhang strikes
+        is seen at a pose before the wheels have climbed it.
+        """
+        return min(self.spacing, resolution, wheel_radius)

@@ -50,7 +50,8 @@ def outcomes(cases: Iterable[ObstacleCase], models: Mapping[str, Model]) -> list
     results = []
     for case in cases:
         model = models[case.vehicle]
-        path = batch([path_of(case, model.vehicle)], PlannerSettings().spacing_on(case.resolution))
+        spacing = PlannerSettings().spacing_on(case.resolution, model.vehicle.wheel_radius)
+        path = batch([path_of(case, model.vehicle)], spacing)
         solved = time_optimal_batch(map_of(case, model.vehicle), path, model)
         is_blocked = solved.bounds.barrier_station[0] < solved.profile.count[0]
         results.append(PlannedOutcome(case, bool(is_blocked)))

@@ -91,9 +91,9 @@ class WhatIf:
             ParameterError: the path is malformed.
         """
         self._settings = settings or PlannerSettings()
-        spacing = self._settings.spacing_on(elevation_map.resolution)
-        part = batch([path], spacing, line_limits(model))
         vehicle = model.vehicle
+        spacing = self._settings.spacing_on(elevation_map.resolution, vehicle.wheel_radius)
+        part = batch([path], spacing, line_limits(model))
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)
         profile = terrain_profile(

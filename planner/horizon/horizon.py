@@ -96,7 +96,8 @@ class Horizon:
         started = perf_counter()
         offered = paths if isinstance(paths, PathBatch) else None
         if not isinstance(paths, PathBatch) and len(paths) > 0:
-            spacing = self.planner.spacing_on(elevation_map.resolution)
+            wheel_radius = self.model.vehicle.wheel_radius
+            spacing = self.planner.spacing_on(elevation_map.resolution, wheel_radius)
             offered = batch(list(paths), spacing, line_limits(self.model))
         if offered is not None and len(offered.names) == 0:
             offered = None

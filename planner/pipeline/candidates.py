@@ -115,7 +115,8 @@ class CandidatePlanner:
         Raises:
             ParameterError: names the candidate and what is wrong with its path.
         """
-        spacing = self.settings.spacing_on(elevation_map.resolution)
+        wheel_radius = self.model.vehicle.wheel_radius
+        spacing = self.settings.spacing_on(elevation_map.resolution, wheel_radius)
         even = []
         for path in paths:
             try:

@@ -58,7 +58,8 @@ def write_job_page(
     clear: float,
 ) -> None:
     """Write the page of a planning job, all or nothing, with its files, start speed and options."""
-    spacing = result.settings.spacing_on(result.elevation_map.resolution)
+    resolution, wheel_radius = result.elevation_map.resolution, result.model.vehicle.wheel_radius
+    spacing = result.settings.spacing_on(resolution, wheel_radius)
     facts = {
         "map": str(map_file),
         "paths": str(path_file),

@@ -23,7 +23,7 @@ from slopewise.planner.swept.hazards import Hazards, swept_hazards
 from slopewise.services.check.external_plan import plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
 from tests.world.ground import ground_map, straight
-from tests.world.hazards import MODELS, met, rough_ground
+from tests.world.hazards import MODELS, met, met_by, rough_ground
 from tests.world.stages import profile_of
 from tests.world.vehicles import ATV, model_of
 
@@ -178,6 +178,19 @@ def test_no_corner_of_a_body_is_in_the_ground_between_coarse_cells() -> None:
             level = hazards.profile.z[:k, 0]
             assert np.all(3.0 * wheels - level <= shape.clearance + 0.02), (y, a, b)
     assert blocked >= 5
+
+
+@pytest.mark.parametrize("height", [0.14, 0.15])
+def test_a_log_that_an_overhang_strikes_before_wheels_climb_blocks_wherever_stations_are(
+    height: float,
+) -> None:
+    """On cells coarser than a wheel, which climbs the log that the body is too low for."""
+    log = ground_map(
+        lambda x, y: height * ((np.abs(x - 5.1) < 0.14) & (y > -0.05)), resolution=0.27
+    )
+    for start in np.linspace(-0.27, 0.0, 15):
+        path = CandidatePath("log", np.array([[start, 0.0], [start + 10.0, 0.0]]))
+        assert met_by(log, path, MODELS[1]).bar > 0, start
 
 
 MODEL = model_of(ATV)
