@@ -25,6 +25,21 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 _SIDES = (1.0, -1.0)  # left, right
 
 
+class SideBounds(NamedTuple):
+    """Bounds of both sides of L candidates: lowest v² and which bound it is, (N, L) [m²/s²].
+
+    And the clear distance, (L,), inf where ground at the sides does not shorten it [m].
+    """
+
+    speed_sq: Floats
+    limiting: Ints
+    clear: Floats
+
+    def of(self, i: int, count: int) -> tuple[Floats, Ints, float]:
+        """Bounds of candidate i, with its number of stations."""
+        return self.speed_sq[:count, i], self.limiting[:count, i], float(self.clear[i])
+
+
 class BandGround(NamedTuple):
     """Ground on and next to candidates, and what plans on it are made with."""
 
@@ -39,30 +54,29 @@ class BandGround(NamedTuple):
         return max(self.errors.cross_track, self.errors.cross_track_per_curvature) > 0.0
 
     def bounds(
-        self, profile: TerrainProfile, model: Model, j: int, clear: float
-    ) -> tuple[Floats, Ints, float]:
-        """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²].
-
-        And the clear distance [m], inf where ground at the sides does not shorten it.
+        self, profile: TerrainProfile, model: Model, lanes: Ints, clear: Floats
+    ) -> SideBounds:
+        """Bounds of candidates with ground on both sides.
 
         Args:
-            profile: a batch. model: that of its plans. j: index of the candidate.
-            clear: station before which it stops [m].
+            profile: a batch. model: that of its plans. lanes: (L,) indices of the candidates.
+            clear: (L,) station before which each stops [m].
         """
-        n, sides = int(profile.count[j]), len(_SIDES)
+        counts, sides = profile.count[lanes], len(_SIDES)
+        n = int(counts.max())
 
         def twice(rows: Floats) -> Floats:
-            return np.repeat(rows[:n, j, None], sides, axis=1)
+            return np.repeat(rows[:n, lanes], sides, axis=1)
 
         curvature = twice(profile.curvature)
-        left = self.errors.across(curvature) * np.array(_SIDES)
+        left = self.errors.across(curvature) * np.tile(_SIDES, len(lanes))
         # The offset varies along a bend: the body stays parallel to that on the planned line.
         heading = twice(profile.body.heading_x), twice(profile.body.heading_y)
         lateral = terrain_profile(
             self.elevation_map,
             twice(profile.x) - left * heading[1],
             twice(profile.y) + left * heading[0],
-            np.full(sides, n, np.int64),
+            np.repeat(counts, sides),
             model.vehicle,
             model.steering_geometry,
             heading,
@@ -77,9 +91,13 @@ class BandGround(NamedTuple):
         ground = ground_along(
             lateral, model, self.elevation_map.class_names, self.conditions, self.uncertainty
         )
-        bounds = speed_bounds(lateral, ground, model, np.full(sides, clear))
-        side = bounds.speed_sq_max.argmin(axis=1)
-        at_rows = np.arange(n), side
-        lowest, limiting = bounds.speed_sq_max[at_rows], bounds.limiting[at_rows]
-        free = float(bounds.clear_distance.min())
-        return lowest, limiting, free if free < clear else np.inf
+        bounds = speed_bounds(lateral, ground, model, np.repeat(clear, sides))
+        pairs = (n, len(lanes), sides)
+        speed_sq, limiting = bounds.speed_sq_max.reshape(pairs), bounds.limiting.reshape(pairs)
+        lowest = speed_sq.argmin(axis=2)[:, :, None]
+        free = bounds.clear_distance.reshape(pairs[1:]).min(axis=1)
+        return SideBounds(
+            np.take_along_axis(speed_sq, lowest, axis=2)[:, :, 0],
+            np.take_along_axis(limiting, lowest, axis=2)[:, :, 0],
+            np.where(free < clear, free, np.inf),
+        )

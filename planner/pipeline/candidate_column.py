@@ -15,6 +15,7 @@ from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
 from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline.band_bounds import SideBounds
 from slopewise.planner.pipeline.momentum import momentum_over
 from slopewise.planner.pipeline.time_optimal_batch import ROUNDING, TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
@@ -62,7 +63,12 @@ class CandidateColumn:
     """
 
     def __init__(
-        self, solved: TimeOptimalBatch, j: int, fixed_prefix: Floats, first: int = 0
+        self,
+        solved: TimeOptimalBatch,
+        j: int,
+        fixed_prefix: Floats,
+        first: int = 0,
+        sides: SideBounds | None = None,
     ) -> None:
         """Take candidate j from a batch.
 
@@ -72,6 +78,7 @@ class CandidateColumn:
             fixed_prefix: (h,) v² of its first h >= 1 stations, from ``first`` on [m²/s²].
             first: stations at the beginning that are omitted; they only give the next one its
                 heading.
+            sides: bounds of all candidates of the batch, if they are known already.
         """
         profile, ground, bounds = solved.profile, solved.ground, solved.bounds
         self.model, self.scalars, self.solver = solved.model, solved.scalars, solved.solver
@@ -108,8 +115,8 @@ class CandidateColumn:
         finding = first_blocked(*seen, profile, ground, self.model, j, (first, clear))
         if finding is not None:
             self._stop_before(finding._replace(station=finding.station - profile.station[first, j]))
-        if around.has_band:
-            speed_sq, limiting, free = around.bounds(profile, self.model, j, clear)
+        if lateral := sides or solved.side_bounds(np.array([j])):
+            speed_sq, limiting, free = lateral.of(0 if sides is None else j, n)
             self.clear_at_side = free - float(profile.station[first, j])
             self.at_side = self._lower(speed_sq[first:], limiting[first:])
             np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)

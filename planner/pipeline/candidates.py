@@ -23,6 +23,7 @@ from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import EvenPath, PathBatch, behind_the_front, resample, side_by_side
 from slopewise.planner.path_deviation import path_deviation
+from slopewise.planner.pipeline.band_bounds import SideBounds
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.plan_finalizer import Unfinished, finish
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
@@ -100,8 +101,9 @@ class CandidatePlanner:
                 uncertainty=self.uncertainty,
                 departure=None if departs is None else departs(together),
             )
+            sides = solved.side_bounds(np.arange(len(even)))
             for j, path in enumerate(even):
-                plan = finished(solved, j, path.name, smooth=self.settings.smooth)
+                plan = finished(solved, j, path.name, sides, smooth=self.settings.smooth)
                 plans.append(self._with_deviation(plan, path))
                 if progress is not None:
                     progress(1)
@@ -139,8 +141,10 @@ class CandidatePlanner:
         return plan
 
 
-def finished(solved: TimeOptimalBatch, j: int, name: str, *, smooth: bool) -> SpeedPlan:
-    """Candidate j of a batch smoothed, verified and explained."""
+def finished(
+    solved: TimeOptimalBatch, j: int, name: str, sides: SideBounds | None = None, *, smooth: bool
+) -> SpeedPlan:
+    """Candidate j of a batch smoothed, verified and explained; `sides`: of all candidates."""
     profile = Unfinished(solved.profile_of(j), reachable=bool(solved.reachable[j]))
-    column = CandidateColumn(solved, j, solved.start_sq[j : j + 1])
+    column = CandidateColumn(solved, j, solved.start_sq[j : j + 1], sides=sides)
     return finish(column, name, profile, smoothed=smooth)

@@ -20,7 +20,7 @@ from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditi
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.path import PathBatch
-from slopewise.planner.pipeline.band_bounds import BandGround
+from slopewise.planner.pipeline.band_bounds import BandGround, SideBounds
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 from slopewise.planner.profile.problems import profile_problem
 from slopewise.planner.settings import PlannerSettings, Solver
@@ -68,6 +68,13 @@ class TimeOptimalBatch:
         """(M,) service braking can bring down the speed at the start."""
         reachable: Bools = self.reachable_start_sq >= self.start_sq - ROUNDING
         return reachable
+
+    def side_bounds(self, lanes: Ints) -> SideBounds | None:
+        """Bounds of candidates by the ground at the sides of their band; None without a band."""
+        if self.around is None or not self.around.has_band:
+            return None
+        clear = self.bounds.clear_distance[lanes]
+        return self.around.bounds(self.profile, self.model, lanes, clear)
 
     def profile_of(self, j: int) -> Floats:
         """v² of candidate j without padding, (count,) [m²/s²]."""
