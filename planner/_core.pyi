@@ -43,7 +43,6 @@ class HeightGrid:
         width: float,
         heading: tuple[Floats, Floats] | None = None,
     ) -> tuple[Floats, Bools, Singles, Singles]: ...
-    def stations(self, x: Floats, y: Floats, count: Ints) -> Floats: ...
 
 class BroadPhase:
     def __init__(

@@ -141,10 +141,3 @@ def terrain_profile(
         body,
         elevation_map.height_std,
     )
-
-
-def stations_along(
-    elevation_map: ElevationMap, x: Floats, y: Floats, count: Ints, vehicle: Vehicle
-) -> Floats:
-    """Only the stations of :func:`terrain_profile`, (N, M) [m]; arguments as there."""
-    return height_grid(elevation_map, vehicle).stations(x, y, count)

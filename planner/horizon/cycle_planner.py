@@ -12,7 +12,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import GroundConditions
-from slopewise.planner.ground.terrain_profile import stations_along
+from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
 from slopewise.planner.horizon.path_projection import departure_of
@@ -55,8 +55,8 @@ class CyclePlanner:
 
     def stations(self, path: PathBatch) -> Floats:
         """Stations of a single path along the ground, (N,) [m]."""
-        vehicle = self.model.vehicle
-        return stations_along(self.elevation_map, path.x, path.y, path.count, vehicle)[:, 0]
+        on, vehicle = self.elevation_map, self.model.vehicle
+        return terrain_profile(on, path.x, path.y, path.count, vehicle).station[:, 0]
 
     def solve(
         self,

@@ -9,7 +9,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
 from slopewise.planner.followed_line import MIN_STATIONS
-from slopewise.planner.ground.terrain_profile import stations_along
+from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.horizon.path_projection import PathProjection
 from slopewise.planner.path import PathBatch
 
@@ -68,7 +68,8 @@ def passed_stations(
     lanes, i = np.arange(len(paths.names)), projection.segment
     rows = min(max(int(i.max()) + 2, MIN_STATIONS), len(paths.x))
     x, y = np.ascontiguousarray(paths.x[:rows]), np.ascontiguousarray(paths.y[:rows])
-    station = stations_along(elevation_map, x, y, np.minimum(paths.count, rows), vehicle)
+    count = np.minimum(paths.count, rows)
+    station = terrain_profile(elevation_map, x, y, count, vehicle).station
     step = np.hypot(x[i + 1, lanes] - x[i, lanes], y[i + 1, lanes] - y[i, lanes])
     gone = np.hypot(projection.x - x[i, lanes], projection.y - y[i, lanes])
     share = np.minimum(gone / np.maximum(step, 1e-9), 1.0)

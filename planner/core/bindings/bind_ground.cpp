@@ -97,15 +97,6 @@ std::tuple<Made<double>, Made<bool>, Made<float>, Made<float>> ground_along(
   return {rows, known, twist, front};
 }
 
-Made<double> stations(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count) {
-  expect_paths(x, y, count);
-  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  const auto station = make_array(n, m);
-  const nb::gil_scoped_release release;
-  walk_stations(map.grid, x.data(), y.data(), count.data(), n, m, station.data());
-  return station;
-}
-
 Made<double> tyre_lifts(MapGrid& map, Index heading) {
   const Index rows = map.grid.rows(), columns = map.grid.columns();
   if (heading < 0 || heading >= heading_count || !map.grid.resolves_wheels()) {
@@ -136,7 +127,6 @@ void bind_ground(nb::module_& m) {
         return map.grid.memory();
       })
       .def("tyre_lifts", &tyre_lifts)
-      .def("stations", &stations)
       .def("sample_ground", &ground_along, "x"_a, "y"_a, "count"_a, "centre_offset"_a,
            "body_offset"_a, "length"_a, "width"_a, "heading"_a = nb::none());
 }

@@ -292,38 +292,6 @@ inline void sample_lanes(HeightGrid& grid, const TerrainTable& t, double length,
   curve_vertically(t, first, lanes);
 }
 
-inline void walk_lanes(HeightGrid& grid, const double* x, const double* y, const std::int64_t* count,
-                       Index stations, Index stride, Index lanes, double* station) {
-  Steps steps(x, y, stride, lanes);
-  Places places;
-  std::array<Index, wide> heading{};
-  Lanes before, height, heading_x, heading_y, curvature{};
-  before.fill(unknown);
-  for (Index k = 0; k < stations; ++k) {
-    const double *here_x = x + k * stride, *here_y = y + k * stride;
-    const Index next = k + 1 < stations ? stride : 0;
-    steps.turn(k, count, here_x, here_y, here_x + next, here_y + next, curvature.data(),
-               heading_x.data(), heading_y.data(), curvature.data());
-    locate(grid, here_x, here_y, heading_x.data(), heading_y.data(), 0.0, 0.0, lanes, places);
-    interpolate(grid, places, lanes, height);
-    if (grid.resolves_wheels()) {
-      nearest_headings(heading_x.data(), heading_y.data(), lanes, heading);
-      lift_tyre(grid, places, heading, lanes, height);
-    }
-    for (Index j = 0; j < lanes; ++j) {
-      const auto n = static_cast<std::size_t>(j);
-      if (k >= static_cast<Index>(count[j]) || !std::isfinite(height[n])) height[n] = before[n];
-    }
-    if (k == 0) {
-      std::fill_n(station, lanes, 0.0);
-    } else {
-      advance(k, count, stride, lanes, here_x, here_y, before.data(), height.data(),
-              station + k * stride);
-    }
-    before = height;
-  }
-}
-
 }  // namespace detail
 
 // Fill in all rows of a table, for wheels on a rectangle of this length and width [m].
@@ -333,17 +301,6 @@ inline void sample_terrain(HeightGrid& grid, const TerrainTable& table, double l
   for (Index first = 0; first < table.candidates; first += wide) {
     detail::sample_lanes(grid, table, length, width, first,
                          std::min<Index>(wide, table.candidates - first));
-  }
-}
-
-// Only the stations.
-inline void walk_stations(HeightGrid& grid, const double* x, const double* y,
-                          const std::int64_t* count, Index stations, Index candidates,
-                          double* station) {
-  const std::scoped_lock lock(grid.mutex());
-  for (Index first = 0; first < candidates; first += wide) {
-    detail::walk_lanes(grid, x + first, y + first, count + first, stations, candidates,
-                       std::min<Index>(wide, candidates - first), station + first);
   }
 }
 

@@ -12,7 +12,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.height_grid import height_grid, tyre_footprint
-from slopewise.planner.ground.terrain_profile import stations_along, terrain_profile
+from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import Status
 from slopewise.services.io.model_file import read_model, shipped_models
@@ -95,8 +95,6 @@ def test_candidates_do_not_depend_on_each_other_or_on_threads(candidates: int) -
     x, y = 3.0 + s * np.cos(yaw), 8.0 + s * np.sin(yaw)
     count = rng.integers(3, 21, candidates)
     together = terrain_profile(ground, x, y, count, BASE.vehicle)
-    station = stations_along(ground, x, y, count, BASE.vehicle)
-    np.testing.assert_array_equal(station, together.station)
     fresh = replace(ground)
 
     def alone(j: int) -> None:
