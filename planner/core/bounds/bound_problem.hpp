@@ -26,8 +26,8 @@ struct BoundProblem {
   double* curves = nullptr;  // receives v² of the first candidate, a row of N for each code, if wanted
   bool exceeds = false;    // it is not zero everywhere
   // (M,) found here: the speed limit, raised to the highest trained speed of the candidate, and the
-  // speed at which any stop of it may begin [m/s]; its longest dead time [s].
-  const double *top = nullptr, *fastest = nullptr, *longest_dead_time = nullptr;
+  // speed at which any stop of it may begin [m/s].
+  const double *top = nullptr, *fastest = nullptr;
 
   [[nodiscard]] BoundProblem from(Index first) const noexcept;
 };
@@ -61,7 +61,6 @@ inline BoundProblem BoundProblem::from(Index first) const noexcept {
   out.clear += first;
   out.top += first;
   out.fastest += first;
-  out.longest_dead_time += first;
   TerrainRows& t = out.terrain;
   ForceRows& f = out.forces;
   for (Numbers* rows :

@@ -1,201 +1,190 @@
 // Highest speed from which the vehicle can still stop, where the stopping path has a closed form.
 //
-// The onset lies a dead time behind the command, so each station looks for the place where the
-// speed that the distance up to it allows and the speed that the brakes take out from there on are
-// one. Most stations need not look: they are slower for other reasons.
+// Where nothing but the grade acts, the energy that the brakes take out from onset to the target is
+// an integral, summed once from the target back. The onset lies a dead time behind the command, so
+// each station looks for the place where the speed that the distance up to it allows and the speed
+// that the brakes take out from there on are one. Source: Braking (7), (8), (12).
 #pragma once
 
-#include "bounds/stop_sums.hpp"
+#include "bounds/bound_problem.hpp"
+#include "profile/time_optimal.hpp"
 
 namespace slopewise {
 
-namespace detail {
+// By how much v² must be free of the stopping path to be called free [1].
+inline constexpr double clearly = 1.0 + 1e-6;
 
-// Stations that wait to be solved together; each column is a row of numbers, to vectorise.
-struct OnsetQueue {
-  static constexpr std::size_t enough = 256;  // solved when so many wait
-  using Column = std::array<double, enough + static_cast<std::size_t>(wide)>;
-
-  std::size_t waiting = 0;
-  std::array<Index, enough + static_cast<std::size_t>(wide)> station, lane;
-  Column here, dead;                // command [m], dead time [s]
-  Column left, right;               // segment in which the onset lies [m]
-  Column short_left, short_right;   // by how much its ends fall short of the onset [m]
-  Column per_length;                // of the whole segment [1/m]
-  Column slope, slope_rise, intercept, intercept_rise;  // force and sine along it
-  Column slope_sum, intercept_sum;                      // from its left end to the target
-  Column slowest, answer;
+// Integrals over a stretch: of the slope of F_b/W over the speed at onset [s], and of its intercept
+// plus sin θ [m].
+struct StopSum {
+  double slope, intercept;
 };
 
-// Put lane j of row k into the queue; `i` is where its last search ended and this one ends: the
-// onset lies in segment [i, i + 1].
-inline void enqueue(const StopTile& tile, const StopSums& sums, Index k, Index j, Label& segment,
-                    OnsetQueue& queue) noexcept {
-  const TerrainRows& t = tile.problem.terrain;
-  const Bounds& b = tile.bounds;
-  const double here = tile.station(k, j), dead = tile.dead_time(k, j);
-  const auto onset = [&](Index i) { return here + dead * sums.onset[i * wide + j]; };
-  const auto reaches = [&](Index i) { return onset(i) > tile.station(i, j); };
-  const Index last = sums.last[static_cast<std::size_t>(j)];
-  Index i = segment;
-  while (i > k && !reaches(i)) --i;
-  while (i < last && reaches(i + 1)) ++i;
-  segment = i;
-  const Index next = std::min<Index>(i + 1, t.counts[j] - 1);
-  const double left = tile.station(i, j), length = tile.station(next, j) - left;
-  const double seen = t.known.at(next)[j] ? 1.0 : 0.0;
-  const auto rise = [&](const auto& rows) { return rows.at(next)[j] - rows.at(i)[j]; };
-  const double intercept = b.lower_intercept.at(i)[j] + t.sin_grade.at(i)[j];
-  const double intercept_ahead = b.lower_intercept.at(next)[j] + t.sin_grade.at(next)[j];
-  const StopSum sum = sums.at(i, j);
-  const std::size_t q = queue.waiting++;
-  queue.station[q] = k;
-  queue.lane[q] = j;
-  queue.here[q] = here;
-  queue.dead[q] = dead;
-  queue.left[q] = left;
-  queue.right[q] = i < last ? tile.station(i + 1, j) : tile.target[j];
-  queue.short_left[q] = onset(i) - left;
-  queue.short_right[q] = (i < last ? onset(i + 1) : here) - queue.right[q];
-  queue.per_length[q] = length > 0.0 ? 1.0 / length : 0.0;
-  queue.slope[q] = b.lower_slope.at(i)[j];
-  queue.slope_rise[q] = seen > 0.0 ? rise(b.lower_slope) : 0.0;
-  queue.intercept[q] = intercept;
-  queue.intercept_rise[q] = seen > 0.0 ? intercept_ahead - intercept : 0.0;
-  queue.slope_sum[q] = sum.slope;
-  queue.intercept_sum[q] = sum.intercept;
-  queue.slowest[q] = tile.problem.forces.slowest.at(i)[j];
+// Highest speed at onset that the brakes take out over a stretch [m/s]: v with
+// v²/2 = g (max(v, slowest) * slope + intercept), 0 where there is none; below `slowest` the
+// coefficients no longer change.
+[[nodiscard]] inline double onset_speed(const StopSum& sum, double slowest) noexcept {
+  const double half = gravity * sum.slope;
+  const double root = half * half + 2.0 * gravity * sum.intercept;
+  const double fast = root > 0.0 ? half + std::sqrt(max_of(root, 0.0)) : 0.0;
+  const double energy = 2.0 * gravity * (slowest * sum.slope + sum.intercept);
+  const double slow = energy > 0.0 ? min_of(std::sqrt(max_of(energy, 0.0)), slowest) : 0.0;
+  return fast < slowest ? slow : fast;
 }
 
-// Regula falsi on the place of onset; each iterate is itself a safe speed.
-inline void solve_onsets(OnsetQueue& queue) noexcept {
-  SLOPEWISE_INDEPENDENT
-  for (std::size_t q = 0; q < queue.waiting; ++q) {
-    double a = queue.left[q], b = queue.right[q], best = 0.0;
-    double short_a = queue.short_left[q], short_b = queue.short_right[q];
+// Stops of candidate j of a batch: terrain, the lower bound of the force that crests leave.
+struct StopLane {
+  const BoundProblem& problem;
+  const Bounds& bounds;
+  Index j;
+  double target;  // the vehicle must stand here [m]
+
+  [[nodiscard]] double station(Index k) const noexcept {
+    return problem.terrain.station.at(k)[j];
+  }
+  [[nodiscard]] double dead_time(Index k) const noexcept {
+    return problem.forces.dead_time.at(k)[j] + problem.errors.latency;
+  }
+  [[nodiscard]] double& speed_sq_max(Index k) const noexcept {
+    return bounds.speed_sq_max.at(k)[j];
+  }
+};
+
+class ClosedFormStops {
+ public:
+  static Index memory(Index stations) noexcept { return 3 * stations; }
+
+  ClosedFormStops(const StopLane& lane, double* memory) noexcept
+      : lane_(lane), terrain_(lane.problem.terrain), j_(lane.j),
+        end_(std::min<Index>(lane.bounds.barrier_station[j_], terrain_.counts[j_])),
+        last_(std::max<Index>(end_ - 1, 0)), slope_(memory),
+        intercept_(slope_ + terrain_.stations), onset_(intercept_ + terrain_.stations) {
+    while (last_ > 0 && lane.station(last_) > lane.target) --last_;
+    sum_up();
+  }
+
+  // Stations beyond the target are no place to drive over: v² is −1.
+  void end_at_target() const noexcept {
+    for (Index k = end_ - 1; k >= 0 && (k > last_ || lane_.target <= lane_.station(k)); --k) {
+      lane_.speed_sq_max(k) = -1.0;
+      lane_.bounds.limiting.at(k)[j_] = lane_.bounds.barrier[j_];
+    }
+  }
+
+  // Lower the bounds of the others so that every stop ends before the target.
+  void lower() const noexcept {
+    Index segment = last_;
+    for (Index k = std::min(last_, end_ - 1); k >= 0; --k) {
+      double& bound = lane_.speed_sq_max(k);
+      if (lane_.target <= lane_.station(k) || is_free(k, bound)) continue;
+      const double speed = lane_.dead_time(k) > 0.0 ? meet(k, segment) : onset_[k];
+      if (!(speed * speed < bound)) continue;
+      bound = speed * speed;
+      lane_.bounds.limiting.at(k)[j_] = limiting::stopping_path;
+    }
+  }
+
+ private:
+  // From each station up to the target, and the speed at onset that leaves nothing of either sum.
+  void sum_up() noexcept {
+    const auto [slope, intercept] = to_target();
+    slope_[last_] = slope;
+    intercept_[last_] = intercept;
+    for (Index k = last_ - 1; k >= 0; --k) {
+      const double half = 0.5 * (lane_.station(k + 1) - lane_.station(k));
+      const double turn = of(terrain_.grade, k + 1) - of(terrain_.grade, k);
+      const auto both = [&](const auto& rows) { return of(rows, k) + of(rows, k + 1); };
+      // sin of a linear grade: trapezoid, with the next term of its expansion.
+      const double falls =
+          half * both(terrain_.sin_grade) * (1.0 + turn * turn * (1.0 / 12.0));
+      slope_[k] = slope_[k + 1] + half * both(lane_.bounds.lower_slope);
+      intercept_[k] = intercept_[k + 1] + half * both(lane_.bounds.lower_intercept) + falls;
+    }
+    for (Index k = 0; k <= last_; ++k) {
+      onset_[k] = onset_speed({slope_[k], intercept_[k]}, of(lane_.problem.forces.slowest, k));
+    }
+  }
+
+  template <class T>
+  [[nodiscard]] double of(const Rows<T>& rows, Index k) const noexcept {
+    return rows.at(k)[j_];
+  }
+
+  [[nodiscard]] Index after(Index k) const noexcept {
+    return std::min<Index>(k + 1, terrain_.counts[j_] - 1);
+  }
+
+  // Over the segment in which the target lies. Unknown ground goes on as it is at its station.
+  [[nodiscard]] StopSum to_target() const noexcept {
+    const Index k = last_, next = after(k);
+    const double ds = max_of(min_of(lane_.target - lane_.station(k), 1e9), 0.0);
+    const double length = lane_.station(next) - lane_.station(k);
+    const double u = length > 0.0 ? min_of(ds / length, 1.0) : 0.0;
+    const double seen = terrain_.known.at(next)[j_] ? u : 0.0;
+    const double turn = u * (of(terrain_.grade, next) - of(terrain_.grade, k));
+    const auto summed = [&](const auto& rows) {
+      return 0.5 * ds * (2.0 * of(rows, k) + seen * (of(rows, next) - of(rows, k)));
+    };
+    const double falls = summed(terrain_.sin_grade) * (1.0 + turn * turn / 12.0);
+    return {summed(lane_.bounds.lower_slope),
+            summed(lane_.bounds.lower_intercept) + (falls - lane_.problem.errors.height)};
+  }
+
+  // Speed at onset that the brakes take out from a place in segment i to the target.
+  [[nodiscard]] double onset_at(Index i, double place) const noexcept {
+    const Index next = after(i);
+    const double length = lane_.station(next) - lane_.station(i);
+    const double back = place - lane_.station(i), w = back * (length > 0.0 ? 1.0 / length : 0.0);
+    const auto passed = [&](double here, double ahead) {
+      return 0.5 * back * (2.0 * here + w * (terrain_.known.at(next)[j_] ? ahead - here : 0.0));
+    };
+    const auto acting = [&](Index k) {
+      return of(lane_.bounds.lower_intercept, k) + of(terrain_.sin_grade, k);
+    };
+    const auto& slope = lane_.bounds.lower_slope;
+    const StopSum sum{slope_[i] - passed(of(slope, i), of(slope, next)),
+                      intercept_[i] - passed(acting(i), acting(next))};
+    return onset_speed(sum, of(lane_.problem.forces.slowest, i));
+  }
+
+  // Does a stop from v² at station k end before the target? Most do.
+  [[nodiscard]] bool is_free(Index k, double speed_sq) const noexcept {
+    const double onset =
+        lane_.station(k) + lane_.dead_time(k) * std::sqrt(max_of(speed_sq, 0.0));
+    if (onset > lane_.target) return false;
+    Index i = k;
+    while (i < last_ && lane_.station(i + 1) < onset) ++i;
+    const double speed = onset_at(i, onset);
+    return speed * speed > clearly * speed_sq;
+  }
+
+  // Regula falsi on the place of onset from station k; each iterate is itself a safe speed. `segment`
+  // is where its last search ended and this one ends.
+  [[nodiscard]] double meet(Index k, Index& segment) const noexcept {
+    const double here = lane_.station(k), dead = lane_.dead_time(k);
+    const auto onset = [&](Index i) { return here + dead * onset_[i]; };
+    const auto reaches = [&](Index i) { return onset(i) > lane_.station(i); };
+    Index& i = segment;
+    while (i > k && !reaches(i)) --i;
+    while (i < last_ && reaches(i + 1)) ++i;
+    double a = lane_.station(i), b = i < last_ ? lane_.station(i + 1) : lane_.target, best = 0.0;
+    double short_a = onset(i) - a, short_b = (i < last_ ? onset(i + 1) : here) - b;
     for (int step = 0; step < 3; ++step) {
       const double share = short_a / (short_a - short_b);
       const double p = a + (short_a > short_b ? share : 0.0) * (b - a);
-      const double back = p - queue.left[q], w = back * queue.per_length[q];
-      const StopSum sum{
-          queue.slope_sum[q] - 0.5 * back * (2.0 * queue.slope[q] + w * queue.slope_rise[q]),
-          queue.intercept_sum[q] -
-              0.5 * back * (2.0 * queue.intercept[q] + w * queue.intercept_rise[q])};
-      const double v = onset_speed(sum, queue.slowest[q]);
-      best = max_of(best, min_of(v, (p - queue.here[q]) / queue.dead[q]));
-      const double residual = queue.here[q] + queue.dead[q] * v - p;
-      const bool falls_short = residual > 0.0;
-      a = falls_short ? p : a;
-      short_a = falls_short ? residual : short_a;
-      b = falls_short ? b : p;
-      short_b = falls_short ? short_b : residual;
+      const double v = onset_at(i, p);
+      best = max_of(best, min_of(v, (p - here) / dead));
+      const double residual = here + dead * v - p;
+      (residual > 0.0 ? a : b) = p;
+      (residual > 0.0 ? short_a : short_b) = residual;
     }
-    queue.answer[q] = best;
+    return best;
   }
-}
 
-// Solve what waits, and lower the bounds where the stopping path is the tightest.
-inline void solve_waiting(OnsetQueue& queue, const Bounds& bounds) noexcept {
-  solve_onsets(queue);
-  for (std::size_t q = 0; q < queue.waiting; ++q) {
-    const double speed_sq = queue.answer[q] * queue.answer[q];
-    double& bound = bounds.speed_sq_max.at(queue.station[q])[queue.lane[q]];
-    if (!(speed_sq < bound)) continue;
-    bound = speed_sq;
-    bounds.limiting.at(queue.station[q])[queue.lane[q]] = limiting::stopping_path;
-  }
-  queue.waiting = 0;
-}
-
-// Does row i lie beyond this distance from row k for all candidates that reach so far?
-inline bool covers(const StopTile& tile, const StopSums& sums, Index i, Index k,
-                   double distance) noexcept {
-  const Numbers& station = tile.problem.terrain.station;
-  const double *far = station.at(i), *here = station.at(k);
-  Label short_of_it = 0;
-  for (Index j = 0; j < tile.lanes; ++j) {
-    const bool inside = i <= sums.last[static_cast<std::size_t>(j)];
-    short_of_it += (far[j] < here[j] + distance) & inside ? 1 : 0;
-  }
-  return short_of_it == 0;
-}
-
-// Settle the candidates of a row that need no search, and mark the others; whether there are any.
-// `least` is the least speed at onset on the distance of the dead time, up to row `reach`.
-inline bool settle_row(const StopTile& tile, const StopSums& sums, Index k, Index reach,
-                       const Lane& least, LaneLabels& near) noexcept {
-  const BoundProblem& p = tile.problem;
-  const double *station = p.terrain.station.at(k), *station_reach = p.terrain.station.at(reach),
-               *dead_time = p.forces.dead_time.at(k), *target = tile.target,
-               *onset = sums.onset + k * wide;
-  const std::int64_t* barrier_station = tile.bounds.barrier_station;
-  const Label* barrier = tile.bounds.barrier;
-  double* speed_sq_max = tile.bounds.speed_sq_max.at(k);
-  Label *label = tile.bounds.limiting.at(k), some = 0;
-  const double* fastest = p.fastest;
-  const double latency = p.errors.latency;
-  const Index lanes = tile.lanes;
-  SLOPEWISE_INDEPENDENT
-  for (Index j = 0; j < lanes; ++j) {
-    const auto n = static_cast<std::size_t>(j);
-    const double here = station[j], dead = dead_time[j] + latency, bound = speed_sq_max[j];
-    const double at_onset = onset[j] * onset[j];
-    const bool inside = k < barrier_station[j];
-    const bool beyond = inside & ((k > sums.last[n]) | (target[j] <= here));
-    const bool free = (station_reach[j] >= here + dead * fastest[j]) &
-                      (least[n] * least[n] > clearly * bound);
-    const bool searching = inside & (dead > 0.0) & !beyond & !free;
-    near[n] = searching ? 1 : 0;
-    some += searching ? 1 : 0;
-    const bool at_once = inside & (dead <= 0.0) & (at_onset < bound);
-    const double settled = at_once ? at_onset : bound;
-    const Label why = at_once ? limiting::stopping_path : label[j];
-    speed_sq_max[j] = beyond ? -1.0 : settled;
-    label[j] = beyond ? barrier[j] : why;
-  }
-  return some > 0;
-}
-
-// Least speed at onset on the rows from k up to `reach`; where none rises it is the last one's.
-inline void least_onset(const StopSums& sums, Index k, Index reach, bool rises, Index lanes,
-                        Lane& least) noexcept {
-  std::copy_n(sums.onset + reach * wide, lanes, least.begin());
-  for (Index i = k; rises && i < reach; ++i) {
-    const double* onset = sums.onset + i * wide;
-    for (Index j = 0; j < lanes; ++j) {
-      const auto n = static_cast<std::size_t>(j);
-      least[n] = min_of(least[n], onset[j]);
-    }
-  }
-}
-
-}  // namespace detail
-
-// Lower bounds of a tile so that every stop ends before the target; −1 where none can.
-inline void bound_stops(const StopTile& tile, double* memory) noexcept {
-  StopSums sums(tile.stations(), memory);
-  sum_to_targets(tile, sums);
-  detail::OnsetQueue queue;
-  Lane least{};
-  LaneLabels near{}, segment = sums.last;
-  double distance = 0.0;
-  for (Index j = 0; j < tile.lanes; ++j) {
-    distance = max_of(distance, tile.problem.longest_dead_time[j] * tile.problem.fastest[j]);
-  }
-  Index reach = tile.stations() - 1, rise = tile.stations();
-  for (Index k = tile.stations() - 1; k >= 0; --k) {
-    while (reach > k && detail::covers(tile, sums, reach - 1, k, distance)) --reach;
-    if (reach < sums.first_tight) break;
-    if (detail::onset_row(tile, k, sums)) rise = k;
-    detail::least_onset(sums, k, reach, rise < reach, tile.lanes, least);
-    if (!detail::settle_row(tile, sums, k, reach, least, near)) continue;
-    for (Index j = 0; j < tile.lanes; ++j) {
-      if (near[static_cast<std::size_t>(j)] == 0) continue;
-      detail::enqueue(tile, sums, k, j, segment[static_cast<std::size_t>(j)], queue);
-    }
-    if (queue.waiting >= detail::OnsetQueue::enough) detail::solve_waiting(queue, tile.bounds);
-  }
-  detail::solve_waiting(queue, tile.bounds);
-}
+  const StopLane& lane_;
+  const TerrainRows& terrain_;
+  Index j_, end_, last_;  // before the barrier; last station up to the target, 0 if all are beyond
+  double *slope_, *intercept_, *onset_;  // (N,) sums, and speeds [m/s]
+};
 
 }  // namespace slopewise

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "bounds/closed_form_stop.hpp"
 #include "bounds/stop_march.hpp"
-#include "bounds/stop_sums.hpp"
 
 namespace slopewise {
 
@@ -77,11 +77,10 @@ inline HighestStop highest_stop(std::size_t k, double high, StopPath path,
   return found;
 }
 
-// Station k of candidate j.
-inline StopStation stop_station(const StopTile& tile, Index k, Index j,
-                                double yaw_before) noexcept {
-  const TerrainRows& t = tile.problem.terrain;
-  const ForceRows& f = tile.problem.forces;
+inline StopStation stop_station(const StopLane& lane, Index k, double yaw_before) noexcept {
+  const TerrainRows& t = lane.problem.terrain;
+  const ForceRows& f = lane.problem.forces;
+  const Index j = lane.j;
   const double sin_grade = t.sin_grade.at(k)[j], sin_roll = t.sin_roll.at(k)[j];
   const double curvature = t.curvature.at(k)[j];
   const double cosine = std::sqrt(1.0 - sin_grade * sin_grade);
@@ -92,11 +91,11 @@ inline StopStation stop_station(const StopTile& tile, Index k, Index j,
   return {t.station.at(k)[j],
           t.grade.at(k)[j],
           sin_grade,
-          tile.bounds.lower_slope.at(k)[j],
-          tile.bounds.lower_intercept.at(k)[j],
+          lane.bounds.lower_slope.at(k)[j],
+          lane.bounds.lower_intercept.at(k)[j],
           f.upper_slope.at(k)[j],
           f.upper_intercept.at(k)[j],
-          tile.dead_time(k, j),
+          lane.dead_time(k),
           f.slowest.at(k)[j],
           cosine * cos_lean,
           curvature > 0.0 ? bank : -bank,
@@ -108,29 +107,29 @@ inline StopStation stop_station(const StopTile& tile, Index k, Index j,
 
 }  // namespace detail
 
-// Lower bounds of candidate j of a tile to speeds whose marched stop ends before the target, loads
-// kept; v² <= 0 stays. Where the closed form holds already, only loads are looked after, up to the
-// last station at which they may run short.
-inline void bound_stops_by_trial(const StopTile& tile, Index j, Index last_risk,
+// Lower bounds of a candidate to speeds whose marched stop ends before the target, loads kept;
+// v² <= 0 stays. Where the closed form holds already, only loads are looked after, up to the last
+// station at which they may run short.
+inline void bound_stops_by_trial(const StopLane& lane, Index last_risk,
                                  StopStation* memory) noexcept {
-  const Index count = tile.problem.terrain.counts[j];
+  const Index count = lane.problem.terrain.counts[lane.j];
   for (Index k = 0; k < count; ++k) {
-    memory[k] = detail::stop_station(tile, k, j, k > 0 ? memory[k - 1].yaw : 0.0);
+    memory[k] = detail::stop_station(lane, k, k > 0 ? memory[k - 1].yaw : 0.0);
   }
   const StopPath path(memory, static_cast<std::size_t>(count));
-  const bool everywhere = !tile.problem.closed_form;
+  const bool everywhere = !lane.problem.closed_form;
   const Index last = everywhere ? count : last_risk + 1;
   const double watched = everywhere ? no_limit : memory[std::min(last, count - 1)].station;
-  const StopConditions conditions{tile.problem.motion, tile.problem.vehicle, tile.target[j],
-                                  tile.problem.errors.height, watched};
+  const StopConditions conditions{lane.problem.motion, lane.problem.vehicle, lane.target,
+                                  lane.problem.errors.height, watched};
   for (Index k = 0; k < last; ++k) {
-    double& bound = tile.bounds.speed_sq_max.at(k)[j];
+    double& bound = lane.speed_sq_max(k);
     if (bound <= 0.0) continue;
     const auto found =
         detail::highest_stop(static_cast<std::size_t>(k), std::sqrt(bound), path, conditions);
     if (found.why == Ending::stopped) continue;
     bound = found.speed * found.speed;
-    tile.bounds.limiting.at(k)[j] = detail::label_of(found.why);
+    lane.bounds.limiting.at(k)[lane.j] = detail::label_of(found.why);
   }
 }
 

@@ -19,7 +19,7 @@ namespace slopewise {
 
 // Memory of a thread for the bounds of a batch, kept from call to call.
 struct BoundMemory {
-  std::vector<double> sums, standing, excess, of_candidates;
+  std::vector<double> sums, excess, of_candidates;
   std::vector<StopStation> path;
 
   static BoundMemory& of_thread(Index stations, Index candidates);
@@ -38,42 +38,6 @@ inline void clear_lanes(const BoundProblem& problem, Index lanes, const Bounds& 
   }
 }
 
-// Where effects move the vehicle, v² > 0 and its label as they were before the closed form, which
-// knows of none, lowered them: drag may allow more, and those stops are tried for.
-class Standing {
- public:
-  static Index memory(Index stations) noexcept { return 2 * stations * wide; }
-
-  Standing(const Bounds& bounds, Index stations, Index lanes, double* memory_of_thread) noexcept
-      : bounds_(bounds), stations_(stations), lanes_(lanes), memory_(memory_of_thread) {
-    for (Index k = 0; k < stations; ++k) {
-      for (Index j = 0; j < lanes; ++j) {
-        at(k)[j] = bounds.speed_sq_max.at(k)[j];
-        at(k)[wide + j] = static_cast<double>(bounds.limiting.at(k)[j]);
-      }
-    }
-  }
-
-  void restore() const noexcept {
-    for (Index k = 0; k < stations_; ++k) {
-      double* speed_sq = bounds_.speed_sq_max.at(k);
-      Label* label = bounds_.limiting.at(k);
-      for (Index j = 0; j < lanes_; ++j) {
-        if (!(speed_sq[j] > 0.0)) continue;
-        speed_sq[j] = at(k)[j];
-        label[j] = static_cast<Label>(at(k)[wide + j]);
-      }
-    }
-  }
-
- private:
-  [[nodiscard]] double* at(Index k) const noexcept { return memory_ + 2 * k * wide; }
-
-  const Bounds& bounds_;
-  Index stations_, lanes_;
-  double* memory_;
-};
-
 // Lower v² of a tile to what stops before the clear distance, from the speed that it may really
 // have.
 inline void bound_stopping_path(const BoundProblem& problem, Index lanes, const Bounds& out,
@@ -86,17 +50,15 @@ inline void bound_stopping_path(const BoundProblem& problem, Index lanes, const 
   }
   if (problem.exceeds) add_speed(out.speed_sq_max, problem.excess, 1.0, stations, lanes);
   lose_on_crests(problem, target.data(), lanes, out);
-  const StopTile tile{problem, out, target.data(), lanes};
-  if (problem.motion.moves) {
-    const Standing standing(out, stations, lanes, memory.standing.data());
-    bound_stops(tile, memory.sums.data());
-    standing.restore();
-  } else {
-    bound_stops(tile, memory.sums.data());
-  }
   for (Index j = 0; j < lanes; ++j) {
-    const Index risk = last_risk[static_cast<std::size_t>(j)];
-    if (!problem.closed_form || risk >= 0) bound_stops_by_trial(tile, j, risk, memory.path.data());
+    const auto n = static_cast<std::size_t>(j);
+    const StopLane lane{problem, out, j, target[n]};
+    const ClosedFormStops stops(lane, memory.sums.data());
+    stops.end_at_target();
+    // Effects on the motion, of which it knows none, may allow more: those stops are tried for.
+    if (!problem.motion.moves) stops.lower();
+    const Index risk = last_risk[n];
+    if (!problem.closed_form || risk >= 0) bound_stops_by_trial(lane, risk, memory.path.data());
   }
   if (problem.exceeds) add_speed(out.speed_sq_max, problem.excess, -1.0, stations, lanes);
 }
@@ -119,8 +81,7 @@ inline BoundMemory& BoundMemory::of_thread(Index stations, Index candidates) {
   const auto enough = [](auto& part, Index count) {
     if (part.size() < static_cast<std::size_t>(count)) part.resize(static_cast<std::size_t>(count));
   };
-  enough(memory.sums, StopSums::memory(stations));
-  enough(memory.standing, detail::Standing::memory(stations));
+  enough(memory.sums, ClosedFormStops::memory(stations));
   enough(memory.excess, stations * candidates);
   enough(memory.of_candidates, 4 * candidates);
   enough(memory.path, stations);
@@ -137,14 +98,13 @@ inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& m
   const Alike<double> error{problem.errors.speed};
   problem.excess = {error.lanes.data(), 0};
   problem.exceeds = problem.errors.speed > 0.0;
-  if (find_run_off(problem, memory.excess.data())) {
+  if (find_run_off(problem, longest, fastest, memory.excess.data())) {
     problem.excess = {memory.excess.data(), candidates};
     problem.exceeds = true;
   }
   std::fill_n(excess, candidates, problem.errors.speed);
   if (problem.excess.stride > 0) highest_of(problem.excess, problem.terrain, excess);
   for (Index j = 0; j < candidates; ++j) {
-    longest[j] += problem.errors.latency;
     // What crests and turns take of brakes and drive is that at the highest trained speed: at the
     // speed limit a lower one would leave more of them, and make a plan faster.
     top[j] = max_of(problem.vehicle.speed, fastest[j]);
@@ -152,7 +112,6 @@ inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& m
   }
   problem.top = top;
   problem.fastest = fastest;
-  problem.longest_dead_time = longest;
   for_each_tile(candidates, [&](const Tile& tile) {
     detail::bound_tile(problem.from(tile.first), tile.lanes, out.from(tile.first), memory);
   });

@@ -25,83 +25,37 @@ inline void highest_of(const Numbers& rows, const TerrainRows& terrain, double* 
   }
 }
 
-namespace detail {
-
-// How far the dead time may lead at most, of each lane [m].
-inline Lane run_off_distance(const BoundProblem& problem, const Tile& tile) noexcept {
-  const TerrainRows& t = problem.terrain;
-  const auto lanes = static_cast<std::size_t>(tile.lanes);
-  const std::int64_t* count = t.counts + tile.first;
-  Lane lowest{}, longest{}, fastest{}, distance{};
-  for (Index k = 0; k < t.stations; ++k) {
-    const double* sine = t.sin_grade.at(k) + tile.first;
-    const double* dead = problem.forces.dead_time.at(k) + tile.first;
-    const double* fast = problem.forces.fastest.at(k) + tile.first;
-    SLOPEWISE_INDEPENDENT
-    for (std::size_t j = 0; j < lanes; ++j) {
-      const bool own = k < count[j];
-      lowest[j] = own ? min_of(lowest[j], sine[j]) : lowest[j];
-      longest[j] = own ? max_of(longest[j], dead[j]) : longest[j];
-      fastest[j] = own ? max_of(fastest[j], fast[j]) : fastest[j];
-    }
-  }
-  for (std::size_t j = 0; j < lanes; ++j) {
-    const double downhill = max_of(-lowest[j] - problem.vehicle.resistance, 0.0);
-    const double gained = gravity * downhill * longest[j];
-    distance[j] = (fastest[j] + problem.errors.speed + gained) * longest[j];
-  }
-  return distance;
-}
-
-inline void run_off_tile(const BoundProblem& problem, const Tile& tile, double* excess) noexcept {
-  const TerrainRows& t = problem.terrain;
-  const auto lanes = static_cast<std::size_t>(tile.lanes);
-  const Lane distance = run_off_distance(problem, tile);
-  const std::int64_t* count = t.counts + tile.first;
-  for (Index k = 0; k < t.stations; ++k) {
-    const double* here = t.station.at(k) + tile.first;
-    Lane lowest{};
-    std::copy_n(t.sin_grade.at(k) + tile.first, lanes, lowest.begin());
-    Label some = 1;
-    for (Index i = k + 1; i < t.stations && some > 0; ++i) {
-      // Up to the second station behind the distance, because grades bend between stations.
-      const double* before = t.station.at(std::max(i - 2, k)) + tile.first;
-      const double* sine = t.sin_grade.at(i) + tile.first;
-      some = 0;
-      SLOPEWISE_INDEPENDENT
-      for (std::size_t j = 0; j < lanes; ++j) {
-        const double ahead = i < count[j] ? min_of(lowest[j], sine[j]) : lowest[j];
-        const bool within = before[j] - here[j] <= distance[j];
-        lowest[j] = within ? ahead : lowest[j];
-        some += within ? 1 : 0;
-      }
-    }
-    const double* dead = problem.forces.dead_time.at(k) + tile.first;
-    double* out = excess + k * t.candidates + tile.first;
-    for (std::size_t j = 0; j < lanes; ++j) {
-      const double downhill = max_of(-lowest[j] - problem.vehicle.resistance, 0.0);
-      out[j] = problem.errors.speed + gravity * downhill * dead[j];
-    }
-  }
-}
-
-}  // namespace detail
-
 // Gain on the steepest ground that the dead time may lead over from each station, (N, M) [m/s];
-// false, and nothing written, where a cut drive gains nothing anywhere.
-inline bool find_run_off(const BoundProblem& problem, double* excess) noexcept {
+// false where a cut drive gains nothing anywhere. Of each candidate the longest dead time [s] and
+// the highest trained speed [m/s].
+inline bool find_run_off(const BoundProblem& problem, const double* longest_dead_time,
+                         const double* fastest, double* excess) noexcept {
   const TerrainRows& t = problem.terrain;
   if (!problem.errors.drive_cut) return false;
+  const auto downhill = [&](double sine) {
+    return gravity * max_of(-sine - problem.vehicle.resistance, 0.0);
+  };
   bool gains = false;
-  for (Index k = 0; k < t.stations && !gains; ++k) {
-    const double* sine = t.sin_grade.at(k);
-    gains = std::any_of(sine, sine + t.candidates,
-                        [&](double here) { return -here > problem.vehicle.resistance; });
+  for (Index j = 0; j < t.candidates; ++j) {
+    const auto count = static_cast<Index>(t.counts[j]);
+    double lowest = 0.0;
+    for (Index k = 0; k < count; ++k) lowest = min_of(lowest, t.sin_grade.at(k)[j]);
+    gains |= downhill(lowest) > 0.0;
+    const double dead = longest_dead_time[j];
+    const double distance = (fastest[j] + problem.errors.speed + downhill(lowest) * dead) * dead;
+    for (Index k = 0; k < t.stations; ++k) {
+      double steepest = t.sin_grade.at(k)[j];
+      for (Index i = k + 1; i < count; ++i) {
+        // Up to the second station behind the distance, because grades bend between stations.
+        const double passed = t.station.at(std::max(i - 2, k))[j] - t.station.at(k)[j];
+        if (!(passed <= distance)) break;
+        steepest = min_of(steepest, t.sin_grade.at(i)[j]);
+      }
+      excess[k * t.candidates + j] =
+          problem.errors.speed + downhill(steepest) * problem.forces.dead_time.at(k)[j];
+    }
   }
-  if (!gains) return false;
-  for_each_tile(t.candidates,
-                [&](const Tile& tile) { detail::run_off_tile(problem, tile, excess); });
-  return true;
+  return gains;
 }
 
 // Add (+1) or take away (−1) an excess of speed from bounds on v² of a tile; those <= 0 stay.
