@@ -8,17 +8,13 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <cstdint>
 
 #include "candidate_rows.hpp"
 
 namespace slopewise {
 
 inline constexpr double gravity = 9.80665;  // [m/s²]
-// Factor by which a required deceleration is rounded up [1].
-inline constexpr double decel_rounding = 1.0 + 1e-9;
 // Up to this speed a vehicle is at rest: power does not matter, and no plan creeps [m/s].
 inline constexpr double standstill_speed = 1e-3;
 inline constexpr double standstill_sq = standstill_speed * standstill_speed;
@@ -51,60 +47,25 @@ struct ProfileProblem {
   }
 };
 
-// Whether a lane is not 0.0. Masks are doubles: a bool beside doubles ends vectorisation silently.
-inline bool any_of(const Lane& masks, Index lanes) noexcept {
-  std::int64_t bits = 0;
-  for (Index j = 0; j < lanes; ++j) {
-    bits |= std::bit_cast<std::int64_t>(masks[static_cast<std::size_t>(j)]);
-  }
-  return bits != 0;
-}
-
-// One station back at service deceleration; whether and in which lanes brakes may be too weak for it.
-inline bool slow_down(const ProfileProblem& p, Index k, Index lanes, double decel,
-                      Lane& weak) noexcept {
+// One station back at service deceleration, or at what the brakes can slow down from.
+//
+// Their least force on a segment is at its slower end where force grows with speed, else at its
+// faster end, which is the root of a quadratic: one square root serves either.
+inline void slow_down(const ProfileProblem& p, Index k, Index lanes, double decel) noexcept {
   const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
   const double *slope_0 = p.lower_slope.at(k), *slope_1 = p.lower_slope.at(k + 1);
   const double *force_0 = p.lower_intercept.at(k), *force_1 = p.lower_intercept.at(k + 1);
   const double *sine_0 = p.sin_grade.at(k), *sine_1 = p.sin_grade.at(k + 1);
   const double *v_min = p.slowest.at(k), *bound = p.speed_sq_max.at(k);
+  const double* bound_ahead = p.speed_sq_max.at(k + 1);
   const double* __restrict after = p.speed_sq.at(k + 1);
   double* __restrict out = p.speed_sq.at(k);
-  double* __restrict mask_of = weak.data();
-  const double required = decel / gravity * decel_rounding;
-  const double* bound_ahead = p.speed_sq_max.at(k + 1);
   const double creeping = k > 0 ? standstill_sq : -1.0;  // the start is as it is
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < lanes; ++j) {
     const double ds = s_ahead[j] - s[j];
     const double top = max_of(bound[j], bound_ahead[j]) <= creeping ? 0.0 : bound[j];
-    out[j] = min_of(top, after[j] + 2.0 * ds * decel);
-    const double slope = min_of(slope_0[j], slope_1[j]);
-    const double spare = min_of(force_0[j] + sine_0[j], force_1[j] + sine_1[j]) - required;
-    double mask = spare * spare < slope * slope * top ? 1.0 : 0.0;
-    mask = slope < 0.0 ? mask : 0.0;
-    mask = spare + slope * v_min[j] < 0.0 ? 1.0 : mask;
-    mask_of[j] = top > 0.0 ? mask : 0.0;
-  }
-  return any_of(weak, lanes);
-}
-
-// Lower a station in weak lanes to what the brakes can slow down from.
-//
-// Their least force on a segment is at its slower end where force grows with speed, else at its
-// faster end, which is the root of a quadratic: one square root serves either.
-inline void brake(const ProfileProblem& p, Index k, Index lanes, const Lane& weak) noexcept {
-  const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
-  const double *slope_0 = p.lower_slope.at(k), *slope_1 = p.lower_slope.at(k + 1);
-  const double *force_0 = p.lower_intercept.at(k), *force_1 = p.lower_intercept.at(k + 1);
-  const double *sine_0 = p.sin_grade.at(k), *sine_1 = p.sin_grade.at(k + 1);
-  const double* v_min = p.slowest.at(k);
-  const double* __restrict after = p.speed_sq.at(k + 1);
-  double* __restrict out = p.speed_sq.at(k);
-  const double* mask_of = weak.data();
-  SLOPEWISE_INDEPENDENT
-  for (Index j = 0; j < lanes; ++j) {
-    const double ds = s_ahead[j] - s[j];
+    const double served = min_of(top, after[j] + 2.0 * ds * decel);
     const double slope = min_of(slope_0[j], slope_1[j]);
     const double intercept = min_of(force_0[j] + sine_0[j], force_1[j] + sine_1[j]);
     const double half = gravity * ds * slope, least = v_min[j];
@@ -113,8 +74,7 @@ inline void brake(const ProfileProblem& p, Index k, Index lanes, const Lane& wea
     const double speed = half > 0.0 ? max_of(root, least) : half + root;
     double braked = reach + 2.0 * half * max_of(speed, least);
     braked = half > 0.0 ? braked : min_of(speed * speed, braked);
-    const double before = out[j], lowered = min_of(before, max_of(braked, 0.0));
-    out[j] = mask_of[j] > 0.0 ? lowered : before;
+    out[j] = min_of(served, max_of(braked, 0.0));
   }
 }
 
@@ -133,48 +93,25 @@ inline void turn(const ProfileProblem& p, Index k, Index lanes) noexcept {
   }
 }
 
-// One station on under acceleration; whether and in which lanes power may not do for it.
-inline bool speed_up(const ProfileProblem& p, Index k, Index lanes, double specific_power,
-                     Lane& weak) noexcept {
+// One station on under acceleration, or to what power can reach.
+//
+// The speed there is the root of a cubic, which Newton's steps approach from above; v² is the root
+// of a concave function, so that the last step, on its tangent, ends at or below it. Holding the
+// speed is always possible, because no bound is above what power sustains.
+inline void speed_up(const ProfileProblem& p, Index k, Index lanes,
+                     double specific_power) noexcept {
   const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
   const double *accel_0 = p.accel_max.at(k), *accel_1 = p.accel_max.at(k + 1);
   const double *thrust_0 = p.demand.at(k), *thrust_1 = p.demand.at(k + 1);
   const double* __restrict before = p.speed_sq.at(k);
   double* __restrict out = p.speed_sq.at(k + 1);
-  double* __restrict mask_of = weak.data();
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < lanes; ++j) {
-    const double twice = 2.0 * (s_ahead[j] - s[j]);
-    const double here = before[j];
+    const double twice = 2.0 * (s_ahead[j] - s[j]), here = before[j];
     const double top = min_of(out[j], here + twice * min_of(accel_0[j], accel_1[j]));
-    out[j] = top;
     // Power is scarcest at the segment's faster end.
-    const double needed = top - here + twice * gravity * max_of(thrust_0[j], thrust_1[j]);
-    const double power = twice * gravity * specific_power;
-    const double mask = needed * needed * top > power * power ? 1.0 : 0.0;
-    mask_of[j] = needed > 0.0 ? mask : 0.0;
-  }
-  return any_of(weak, lanes);
-}
-
-// Lower a station in weak lanes to what power can reach.
-//
-// The speed there is the root of a cubic, which Newton's steps approach from above; v² is the root
-// of a concave function, so that the last step, on its tangent, ends at or below it. Holding the
-// speed is always possible, because no bound is above what power sustains.
-inline void power_up(const ProfileProblem& p, Index k, Index lanes, double specific_power,
-                     const Lane& weak) noexcept {
-  const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
-  const double *thrust_0 = p.demand.at(k), *thrust_1 = p.demand.at(k + 1);
-  const double* __restrict before = p.speed_sq.at(k);
-  double* __restrict out = p.speed_sq.at(k + 1);
-  const double* mask_of = weak.data();
-  SLOPEWISE_INDEPENDENT
-  for (Index j = 0; j < lanes; ++j) {
-    const double twice = 2.0 * (s_ahead[j] - s[j]);
-    const double here = before[j], top = out[j];
     const double cost = twice * gravity * max_of(thrust_0[j], thrust_1[j]) - here;
-    const double power = twice * gravity * specific_power;
+    const double power = twice * gravity * specific_power, needed = top + cost;
     double v = std::sqrt(max_of(top, standstill_sq));
     for (int step = 0; step < 2; ++step) {
       const double lacking = max_of(v * (v * v + cost) - power, 0.0);
@@ -186,7 +123,8 @@ inline void power_up(const ProfileProblem& p, Index k, Index lanes, double speci
     const double lacking = max_of(reached + cost - gain, 0.0);
     reached -= lacking * reached / (reached + 0.5 * gain);
     const double lowered = min_of(top, max_of(reached, here));
-    out[j] = mask_of[j] > 0.0 ? lowered : top;
+    const double suffices = max_of(needed, 0.0) * needed * top <= power * power ? 1.0 : 0.0;
+    out[j] = suffices > 0.0 ? top : lowered;
   }
 }
 
@@ -208,19 +146,14 @@ inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limi
   for_each_tile(problem.candidates, [&](Tile tile) {
     const ProfileProblem p = problem.from(tile.first);
     const Index last = p.stations - 1, lanes = tile.lanes;
-    Lane weak;
     std::copy_n(p.speed_sq_max.at(last), lanes, p.speed_sq.at(last));
-    for (Index k = last - 1; k >= 0; --k) {
-      if (slow_down(p, k, lanes, limits.decel, weak)) brake(p, k, lanes, weak);
-    }
+    for (Index k = last - 1; k >= 0; --k) slow_down(p, k, lanes, limits.decel);
     double* first = p.speed_sq.at(0);
     std::copy_n(first, lanes, reachable_start_sq + tile.first);
     for (Index j = 0; j < lanes; ++j) first[j] = min_of(first[j], start_sq[tile.first + j]);
     for (Index k = 0; k < last; ++k) {
       if (p.lift.data != nullptr) turn(p, k, lanes);
-      if (speed_up(p, k, lanes, limits.specific_power, weak)) {
-        power_up(p, k, lanes, limits.specific_power, weak);
-      }
+      speed_up(p, k, lanes, limits.specific_power);
     }
     for (Index j = 0; j < lanes; ++j) {
       rest_for_good(p.speed_sq.data + j, p.stations, p.speed_sq.stride);
