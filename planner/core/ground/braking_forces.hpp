@@ -16,12 +16,10 @@ class ForceTile {
  public:
   ForceTile(const ForceProblem& problem, const ForceBounds& out, std::size_t lanes) noexcept
       : problem_(problem), out_(out), lanes_(lanes),
-        differ_(differ(problem.surfaces, problem.margin)),
         around_(problem.grade, problem.stations, lanes), dips_(problem, lanes) {}
 
   void find() noexcept {
-    std::fill_n(out_.distance_offset, lanes_,
-                differ_ ? 0.0 : problem_.surfaces[0].distance_offset);
+    std::fill_n(out_.distance_offset, lanes_, 0.0);
     bits_.fill(problem_.class_bits[0]);
     for (Index k = 0; k < problem_.stations; ++k) find_row(k);
   }
@@ -32,12 +30,8 @@ class ForceTile {
     const ForceRow row(p, out_, k, lanes_);
     const Neighbours grade(p.grade, k, p.stations);
     if (p.classes.data != nullptr) surfaces_of(p, k, lanes_, bits_);
-    if (differ_) {
-      around_.step_to(k);
-      force_on_many(row, p.surfaces, p.margin, around_, bits_);
-    } else {
-      force_on_one(row, p.surfaces[0], p.margin);
-    }
+    around_.step_to(k);
+    find_force(row, p.surfaces, p.margin, around_, bits_);
     if (!p.hull.empty()) hold_below(row, grade, p.hull, p.surfaces.size(), bits_);
     if (p.least_term.data != nullptr) {
       add_rows(row.lower_intercept, p.least_term.at(k), lanes_);
@@ -57,7 +51,6 @@ class ForceTile {
   const ForceProblem& problem_;
   const ForceBounds& out_;
   std::size_t lanes_;
-  bool differ_;  // the two bounds may
   GradeAround around_;
   Dips dips_;
   LaneLabels bits_{};

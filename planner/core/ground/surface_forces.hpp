@@ -62,37 +62,13 @@ struct Line {
   return grade | roll ? 1 : 0;
 }
 
-// Whether the two bounds may differ: the force has a kink, or extrapolates.
-[[nodiscard]] inline bool differ(std::span<const Surface> surfaces, double margin) noexcept {
-  return surfaces.size() > 1 || margin > 0.0 || surfaces[0].kinked();
-}
-
-// On one surface whose bounds do not differ.
-inline void force_on_one(const ForceRow& row, const Surface s, double margin) noexcept {
-  SLOPEWISE_INDEPENDENT
-  for (std::size_t j = 0; j < row.lanes; ++j) {
-    const Line line = force_on(s, row.grade[j]);
-    row.lower_slope[j] = line.slope;
-    row.upper_slope[j] = line.slope;
-    row.lower_intercept[j] = line.intercept;
-    row.upper_intercept[j] = line.intercept;
-  }
-  for (std::size_t j = 0; j < row.lanes; ++j) {
-    const double grade = row.grade[j];
-    row.trained[j] = (beyond(s, grade, grade, row.sin_roll[j]) == 0) | (margin >= 0.0);
-  }
-  std::fill_n(row.dead_time, row.lanes, s.dead_time);
-  std::fill_n(row.slowest, row.lanes, s.slowest);
-  std::fill_n(row.fastest, row.lanes, s.fastest);
-}
-
 // Whether a station beyond its training is on some surface: at itself, or on the way to a
 // neighbour.
 struct Beyond {
   LaneLabels here{}, around{};
 };
 
-inline void start_many(const ForceRow& row, double slowest) noexcept {
+inline void start(const ForceRow& row, double slowest) noexcept {
   std::fill_n(row.lower_slope, row.lanes, no_limit);
   std::fill_n(row.lower_intercept, row.lanes, no_limit);
   std::fill_n(row.upper_slope, row.lanes, -no_limit);
@@ -159,12 +135,12 @@ inline void extrapolate(const ForceRow& row, double margin, const Beyond& outsid
 }
 
 // Both bounds of the force over all surfaces that a station may be on.
-inline void force_on_many(const ForceRow& row, std::span<const Surface> surfaces, double margin,
-                          const GradeAround& around, const LaneLabels& bits) noexcept {
+inline void find_force(const ForceRow& row, std::span<const Surface> surfaces, double margin,
+                       const GradeAround& around, const LaneLabels& bits) noexcept {
   double slowest = no_limit;
   for (const Surface& s : surfaces) slowest = min_of(slowest, s.slowest);
   Beyond outside;
-  start_many(row, slowest);
+  start(row, slowest);
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
     take_surface(row, surfaces[i], slowest, around, bits, i, outside);
   }
