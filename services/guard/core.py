@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -28,8 +28,6 @@ from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.lateness import ARRIVAL, WallClock
 
-HELD_UP = "the map is from before this machine was held up"
-
 _STANDSTILL = 0.05  # speed and yaw rate below which an emergency stop has ended [m/s], [rad/s]
 
 _ROLLING = 0.15
@@ -45,16 +43,6 @@ _MIN_SPEED, _MIN_YAW_RATE = 0.1, 0.05
 _ROUNDING = 1e-6  # of moments [s]
 
 _MAX_OPERATORS = 1000  # senders of confirmed poses whose numbers are known [1]
-
-
-class _Clear(NamedTuple):
-    distance: float  # [m]
-    motion: VehicleMotion | None  # the newest on its arrival, and its age [s]
-    age: float
-
-    def __hash__(self) -> int:
-        """Content of the message alone: a repeated one comes with another motion."""
-        return hash(self.distance)
 
 
 class PoseAge:
@@ -97,7 +85,7 @@ class Guard:
         self.commands: InputFeed[tuple[BaseCommand, int]]
         self.commands = InputFeed("command", timing.command, *ages)
         self.motions: InputFeed[VehicleMotion] = InputFeed("odometry", timing.motion, *ages)
-        self.clears: InputFeed[_Clear] = InputFeed("clear distance", timing.clear, *ages)
+        self.clears: InputFeed[float] = InputFeed("clear distance", timing.clear, *ages)
         self.maps: InputFeed[ElevationMap] = InputFeed("map", timing.map, self.counters)
         if ground is not None:
             map_layers(ground, model.vehicle)  # here rather than in the first decision
@@ -105,7 +93,7 @@ class Guard:
         rules = settings.judgement
         self.learned = ServiceParameters(model, rules.trust_learned, rules.awaits_parameters)
         self.seconds: deque[float] = deque(maxlen=_SAMPLES)
-        self.asleep = 0.0  # for which the machine has slept since its start: map ages count it [s]
+        self.held_up = 0.0  # by which the map may be older than its arrival here shows [s]
         self.last = ""
         dead = self._dead_time = float(model.tables[0].dead_time.max())
         self._overspeed = OverspeedMonitor(
@@ -123,17 +111,11 @@ class Guard:
         """Use the parameters in :attr:`learned`."""
         self._model = self.learned.in_use()
 
-    def forget(self, since: float, held_up: float) -> None:
-        """Discard all inputs: they may be older than they seem by a time [s].
-
-        ``since``: when that began, since the machine was started [s]; a map may be from then.
-        """
+    def forget(self, held_up: float) -> None:
+        """Discard all inputs but the map: all may be older than they seem by a time [s]."""
         for feed in self._feeds():
             feed.drop()
-        if held_up > self.maps.deadline:
-            self.maps.drop(HELD_UP)
-        elif self.maps.newest.age(since) < 0.0 and (ground := self.maps.fresh(since)) is not None:
-            self.maps.take(ground, since)
+        self.held_up += held_up
 
     def clear(
         self,
@@ -147,8 +129,7 @@ class Guard:
         if not (math.isfinite(distance) and distance >= 0.0):
             self.clears.drop(at=now)
             return False
-        clear = _Clear(distance, self.motions.fresh(now), self.motions.newest.bound(now))
-        return self.clears.take(clear, now, sender, sequence, time)
+        return self.clears.take(distance, now, sender, sequence, time)
 
     def move(
         self,
@@ -214,8 +195,8 @@ class Guard:
         return decision
 
     def _decide(self, now: float, command: BaseCommand | None, fault: str) -> GuardDecision:
-        motion, ground = self.motions.fresh(now), self.maps.fresh(now + self.asleep)
-        reasons = self.motions.missing(now), self.maps.missing(now + self.asleep)
+        motion, ground = self.motions.fresh(now), self.maps.fresh(now + self.held_up)
+        reasons = self.motions.missing(now), self.maps.missing(now + self.held_up)
         missing = [reason for reason in (*reasons, self.commands.missing(now)) if reason]
         missing += [self.learned.waits] if self.learned.waits else []
         if fault or missing or motion is None or command is None or ground is None:
@@ -233,7 +214,7 @@ class Guard:
             return stop(f"the base moves, and its pose has not changed for {unchanged:.2f} s")
         late = age + timing.transport
         reached = self._reached(now - late, motion)
-        distance = self._clear_now(now, motion, reached)
+        distance = self._clear_now(now, since, motion)
         if distance is None:
             return stop(self.clears.missing(now))
         if excess := self._overspeed.overspeed(abs(motion.speed), now):
@@ -266,29 +247,26 @@ class Guard:
                 break
         return tuple(recent)
 
-    def _clear_now(self, now: float, motion: VehicleMotion, reached: float) -> float | None:
+    def _clear_now(self, now: float, since: float, motion: VehicleMotion) -> float | None:
         """Rest of the clear distance [m]; None where one is required and none is fresh.
 
-        From the measured position: the distance driven since then is part of every stop.
+        From the position measured ``since`` a time [s]: what was driven from then on is part of
+        every stop, what was driven before is at most that time at the highest speed.
         """
         clear = self.clears.fresh(now)
         if clear is None:
             # One that arrives late, or cannot be used, shows that there is a bound.
             is_required = self.settings.judgement.awaits_clear or self.clears.is_arriving(now)
             return None if is_required else math.inf
-        if clear.motion is None:
-            driven = abs(reached) * self.clears.newest.bound(now)
-        else:
-            driven = math.dist(clear.motion.pose[:2], motion.pose[:2])
-            # The distance was measured that much earlier than the position it is counted from.
-            speed, newest = max(abs(reached), abs(clear.motion.speed)), self.clears.newest
-            driven += speed * max(newest.late + newest.margin - clear.age, 0.0)
-        return max(clear.distance - driven - self.settings.judgement.reserve, 0.0)
+        bound = self.clears.newest.bound(now)
+        speed = abs(self._reached(now - bound - self._dead_time, motion))
+        driven = speed * max(bound - since, 0.0)
+        return max(clear - driven - self.settings.judgement.reserve, 0.0)
 
     def ages(self, now: float) -> dict[str, float]:
         """Age of each input [s], −1 of one that never came."""
         ages = {feed.name: feed.newest.age(now) for feed in self._feeds()}
-        ages[self.maps.name] = self.maps.newest.age(now + self.asleep)
+        ages[self.maps.name] = self.maps.newest.age(now + self.held_up)
         return {name: age if math.isfinite(age) else -1.0 for name, age in ages.items()}
 
     def stamps(self) -> dict[str, str]:

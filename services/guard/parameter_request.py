@@ -1,4 +1,4 @@
-"""Parameters of the service that a guard begins with: requested, and stored for its successor.
+"""Parameters of the service that a guard begins with.
 
 Groups are published when they change; a guard that is started later has to ask for them. A router
 answers immediately that there is no service; one that exists and is silent lets a request expire.
@@ -6,16 +6,11 @@ answers immediately that there is no service; one that exists and is silent lets
 
 from __future__ import annotations
 
-import os
 import threading
 import time
-import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
-import msgspec
 import zenoh
-
-from slopewise.services.wire.parameter_messages import ParameterGroup
 
 PATIENCE = 3.0
 """Time from the start for which the vehicle stands until a service has answered [s]; a busy one
@@ -70,24 +65,3 @@ class ParameterRequest:
         if is_required or time.monotonic() - self._begun < PATIENCE:
             return WAITING, _SILENT
         return "", _SILENT
-
-
-class ParameterMemory:
-    """Accepted groups in an anonymous file that outlives the process that writes it."""
-
-    def __init__(self, handle: int) -> None:
-        self._handle = handle
-
-    def store(self, groups: Iterable[ParameterGroup]) -> None:
-        """Replace the content; a process that dies meanwhile leaves a wrong checksum."""
-        raw = msgspec.msgpack.encode(list(groups))
-        written = zlib.crc32(raw).to_bytes(4, "little") + raw
-        os.pwrite(self._handle, written, 0)
-        os.ftruncate(self._handle, len(written))
-
-    def load(self) -> list[ParameterGroup] | None:
-        """Stored groups; None where they are damaged."""
-        written = os.pread(self._handle, os.fstat(self._handle).st_size, 0)
-        if written and zlib.crc32(written[4:]).to_bytes(4, "little") != written[:4]:
-            return None
-        return msgspec.msgpack.decode(written[4:], type=list[ParameterGroup]) if written else []

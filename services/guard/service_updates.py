@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import threading
+import time
 from collections import Counter, OrderedDict, deque
 
 import zenoh
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.guard.core import HELD_UP, Guard
+from slopewise.services.guard.core import Guard
 from slopewise.services.guard.guard_map import map_layers
-from slopewise.services.guard.parameter_request import PERIOD, ParameterMemory, ParameterRequest
+from slopewise.services.guard.parameter_request import PERIOD, ParameterRequest
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
-from slopewise.services.wire.arrival import time_since_boot
 from slopewise.services.wire.map_message import apply_update
 from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 from slopewise.services.wire.plan_messages import MapUpdate
@@ -83,18 +84,21 @@ class ServiceUpdates:
         namespace: str,
         known: ElevationMap | None,
         vehicle: Vehicle,
-        memory: ParameterMemory | None = None,
+        memory: int | None = None,
     ) -> None:
-        """Subscribe; :meth:`open` begins to read, ``memory`` has what the guard accepts."""
+        """Subscribe; :meth:`open` begins to read.
+
+        ``memory``: file that is not empty once parameters were accepted, for the next worker.
+        """
         self._memory, self._published = memory, set[str]()
         self._replies: deque[zenoh.Sample] = deque(maxlen=1)
         self._request = ParameterRequest(session, namespace, self._on_reply)
         self._vehicle = vehicle
         self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
-        self._maps: deque[tuple[zenoh.Sample, float]] = deque()  # with arrival, since boot [s]
-        self._distrusted: deque[tuple[float, float]] = deque(maxlen=16)  # times of arrival [s]
-        # Arrival until which maps are too old, and that of the newest one that was read [s].
-        self._void_until = self._read_at = -math.inf
+        # With arrival [s]; None: those before it are too old.
+        self._maps: deque[tuple[zenoh.Sample | None, float]] = deque()
+        # Arrival until which maps may have waited, and until which they waited for too long [s].
+        self._certain_from = self._void_until = -math.inf
         self._groups: OrderedDict[str, zenoh.Sample] = OrderedDict()
         self._lost, self._closed = 0, False
         self._news = threading.Condition()
@@ -118,14 +122,18 @@ class ServiceUpdates:
             self._closed = True
             self._news.notify_all()
 
-    def distrust(self, since: float, until: float, *, is_void: bool) -> None:
-        """Count maps that come since then until then as that old: they may have waited [s].
+    def distrust(self, until: float, *, is_void: bool) -> None:
+        """Count maps that come until then as old as the process was held up: they may have waited.
 
-        ``is_void``: they are too old, and patches of them are not used until a whole map.
+        ``is_void``: that is too old, and the ground is unknown until a whole map comes later [s].
         """
         with self._news:
-            self._distrusted.append((since, until))
-            self._void_until = until if is_void else self._void_until
+            self._certain_from = until
+            if is_void:
+                self._maps.clear()
+                self._maps.append((None, until))
+                self._void_until = until
+                self._news.notify_all()
 
     def take(self, guard: Guard) -> None:
         """Hand over what is new; called by the deciding thread, never waits for the reader."""
@@ -138,25 +146,27 @@ class ServiceUpdates:
             if ground is None:
                 guard.maps.drop(reason)
             else:
-                held_up = [since for since, until in self._distrusted if since <= at < until]
-                guard.maps.take(ground, min(held_up, default=at))
+                guard.maps.take(ground, at)
+                guard.held_up = guard.held_up if at < self._certain_from else 0.0
         for group in groups:
             guard.learned.take(group)
         if groups:
             guard.learn()
             if self._memory is not None:
-                self._memory.store(guard.learned.groups.values())
+                os.pwrite(self._memory, b"1", 0)
         guard.learned.waits, guard.learned.silence = self._request.missing(
             is_required=guard.learned.required
         )
 
     def _on_map(self, sample: zenoh.Sample) -> None:
         with self._news:
+            if (now := time.monotonic()) < self._void_until:
+                return
             if len(self._maps) >= MAX_WAITING:
                 # The newest may be a whole map, which makes those before it obsolete.
                 self._lost += len(self._maps)
                 self._maps.clear()
-            self._maps.append((sample, time_since_boot()))
+            self._maps.append((sample, now))
             self._news.notify_all()
 
     def _on_group(self, sample: zenoh.Sample) -> None:
@@ -182,15 +192,15 @@ class ServiceUpdates:
                 if self._closed:
                     return
                 groups, self._groups = self._groups, OrderedDict()
-                sample, at = self._maps.popleft() if self._maps else (None, 0.0)
+                update = self._maps.popleft() if self._maps else None
                 lost, self._lost = self._lost, 0
                 reply = self._replies.popleft() if self._replies else None
             for key, group in groups.items():
                 self._read_group(key, group)
             if reply is not None:
                 self._read_reply(reply)
-            if sample is not None:
-                self._read_map(sample, at, lost)
+            if update is not None:
+                self._read_map(*update, lost)
 
     def _read_group(self, key: str, sample: zenoh.Sample) -> None:
         raw = sample.payload.to_bytes()
@@ -218,16 +228,14 @@ class ServiceUpdates:
             self._new_groups += [g for g in reply.groups if g.group not in self._published]
             self._request.is_answered = True
 
-    def _read_map(self, sample: zenoh.Sample, at: float, lost: int) -> None:
-        if lost:
+    def _read_map(self, sample: zenoh.Sample | None, at: float, lost: int) -> None:
+        if lost or sample is None:
             _log.warning("%s: %d updates were lost: %s", self._key, lost, LOST)
             self._known.lose(lost)
-        if self._read_at < self._void_until:
-            self._known.lose(0, f"{HELD_UP}; waiting for a whole map")
-        self._read_at = at
         try:
-            raw, encoding = sample.payload.to_bytes(), str(sample.encoding)
-            self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
+            if sample is not None:
+                raw, encoding = sample.payload.to_bytes(), str(sample.encoding)
+                self._known.take(codec.decode(MapUpdate, raw, encoding, self._key, _MAX_BYTES))
         except Exception as error:  # noqa: BLE001 - logged, and the ground is unknown
             # Ground that could not be read may differ from the known map.
             _log.warning("%s: %s", self._key, error)

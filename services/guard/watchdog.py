@@ -41,7 +41,7 @@ class Watchdog:
     def __init__(self, settings: GuardSettings, config: Path, session: zenoh.Session) -> None:
         self._settings, self._config = settings, config
         self._output = _output(settings, session)
-        self._memory = os.memfd_create("parameters")  # of the worker, for the next one
+        self._memory = os.memfd_create("parameters")  # written once a worker has some
         self._start()
 
     def _start(self) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import logging
 import math
+import os
 import socket
 import sys
 import threading
@@ -27,14 +28,13 @@ from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
-from slopewise.services.guard.parameter_request import ParameterMemory
 from slopewise.services.guard.service_updates import ServiceUpdates
 from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardStatus, ZenohTransport
 from slopewise.services.io.model_file import find_model
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
-from slopewise.services.wire.arrival import time_asleep, time_since_boot
+from slopewise.services.wire.arrival import time_since_boot
 from slopewise.services.wire.codec import Format
 
 if TYPE_CHECKING:
@@ -62,21 +62,17 @@ class Worker:
         settings: GuardSettings,
         session: zenoh.Session,
         heartbeat: Heartbeat,
-        memory: ParameterMemory,
+        memory: int,
     ) -> None:
         model = read_guard_model(find_model(settings.model))
         known = read_guard_map(Path(settings.map)) if settings.map else None
         self.guard = Guard(settings, model, known)
-        groups = memory.load()
-        # Damaged: there was a service, and what it has learned is unknown.
-        self.guard.learned.required |= groups is None
-        for group in groups or ():
-            self.guard.learned.take(group)
-        self.guard.learn()
+        # The worker before this one had parameters of a service: what it has learned is unknown.
+        self.guard.learned.required |= os.fstat(memory).st_size > 0
         self._settings, self._heartbeat = settings, heartbeat
         self._transport = _transport(settings, session)
         self._begun = self._reported = time.monotonic()
-        self._ignored_until = -math.inf  # time since boot [s]
+        self._ignored_until = -math.inf  # arrival until which inputs may have waited [s]
         space = settings.zenoh.namespace
         self._updates = ServiceUpdates(session, space, known, model.vehicle, memory)
         self._status = session.declare_publisher(
@@ -91,19 +87,19 @@ class Worker:
         while not ended.is_set():
             received = self._transport.inbox.take(tuple(self._transport.topics), due)
             begun = time.perf_counter()
-            is_certain = self._check_held_up(last) >= self._ignored_until
+            last = self._check_held_up(last)
+            is_certain = time.monotonic() >= self._ignored_until
             commanded = is_certain and hand_over(self.guard, self._transport, received)
             self._updates.take(self.guard)
             # Once more: the machine may have slept while these were read.
             last, now = self._check_held_up(last), time.monotonic()
-            self.guard.asleep = time_asleep()
             is_silent = self._heartbeat.is_silent()
             if commanded or now >= due:
                 due = now + timing.period
                 decision = self._decision(now, is_silent)
-                last = self._check_held_up(last)
-                if last < self._ignored_until:  # while it was decided: its inputs are void
-                    decision = self._decision(time.monotonic(), is_silent)
+                last, now = self._check_held_up(last), time.monotonic()
+                if now < self._ignored_until:  # while it was decided: its inputs are void
+                    decision = self._decision(now, is_silent)
                 self._transport.send(decision)
                 if commanded:
                     self.guard.seconds.append(time.perf_counter() - begun)
@@ -125,10 +121,10 @@ class Worker:
         since_boot = time_since_boot()
         if (held_up := since_boot - last) > self._settings.timing.stall:
             # What comes now may have waited as long, and looks new.
-            self.guard.forget(last, held_up)
-            self._ignored_until = since_boot + min(max(_MIN_DRAINING, held_up), _MAX_DRAINING)
+            self.guard.forget(held_up)
+            self._ignored_until = time.monotonic() + min(max(_MIN_DRAINING, held_up), _MAX_DRAINING)
             is_void = held_up > self.guard.maps.deadline
-            self._updates.distrust(last, self._ignored_until, is_void=is_void)
+            self._updates.distrust(self._ignored_until, is_void=is_void)
         return since_boot
 
     def _decision(self, now: float, is_silent: bool) -> GuardDecision:
@@ -193,7 +189,7 @@ def main() -> None:
     settings = read_guard_settings(Path(sys.argv[1]))
     heartbeat = Heartbeat(socket.socket(fileno=int(sys.argv[2])), settings.timing.stall)
     with running(settings) as (session, ended):
-        worker = Worker(settings, session, heartbeat, ParameterMemory(int(sys.argv[3])))
+        worker = Worker(settings, session, heartbeat, int(sys.argv[3]))
         gc.collect()
         gc.freeze()
         gc.set_threshold(100_000, 50, 100)  # objects of a decision are freed by counting

@@ -51,11 +51,12 @@ def test_clear_distance_shrinks_with_the_distance_driven() -> None:
     it = guard(awaits_clear=True)
     feed(it, 1.0, speed=0.0)
     assert it.decision(1.0).reason == "no clear distance"
-    assert it.clear(5.0, 1.0, "s", 1)
+    assert it.clear(4.0, 1.0, "s", 1)
     assert it.decision(1.01).action == "pass"
-    it.motions.take(motion(3.0, x=4.0), 1.1, "r", 2000)
-    assert it.decision(1.11).action == "stop"
-    assert not it.clear(float("nan"), 1.2, "s", 2)
+    it.motions.take(motion(3.0), 1.4, "r", 2000)
+    it.commands.take((BaseCommand(1.0, 0.0), 2000), 1.4, "p", 2000)
+    assert it.decision(1.41).reason == "the clear distance ends 2.65 m ahead"
+    assert not it.clear(float("nan"), 1.42, "s", 2)
 
 
 def allowed_speed(clear: float, late: float, reserve: float = 0.15) -> float:

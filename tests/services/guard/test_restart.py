@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from slopewise.services.guard.parameter_request import WAITING, ParameterMemory
+from slopewise.services.guard.parameter_request import PATIENCE, WAITING
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
-from tests.services.guard.guard_fixtures import braking_group, parameter_group
+from tests.services.guard.guard_fixtures import parameter_group
 from tests.services.guard.guard_process import SPACE, GuardProcess, GuardRobot, flat
 
 LIMIT = 0.4  # speed limit of the service: that of the model file is 4 m/s [m/s]
@@ -57,6 +57,10 @@ def speeds(robot: GuardRobot, since: float) -> set[float]:
     return {o["speed"] for at, o in list(robot.outputs) if at > since and o["action"] != "stop"}
 
 
+def reasons(robot: GuardRobot, since: float) -> set[str]:
+    return {o["reason"] for at, o in list(robot.outputs) if at > since}
+
+
 def drive_after(guard: GuardProcess, robot: GuardRobot, cause: Callable[[], object]) -> set[float]:
     """Speeds that are given after a fault, once a command is answered again."""
     since = time.monotonic() + 0.3
@@ -76,14 +80,21 @@ def guard(tmp_path: Path) -> Iterator[GuardProcess]:
     running.close()
 
 
-def test_restarted_guard_asks_the_service_and_its_worker_remembers(guard: GuardProcess) -> None:
+def test_restarted_guard_asks_the_service_and_its_worker_waits_for_it(guard: GuardProcess) -> None:
     with guard.client() as session:
         robot = GuardRobot(session)
         assert drive_after(guard, robot, lambda: None) == {1.0}  # without a service
         with service(session, answer):
             assert drive_after(guard, robot, lambda: kill(guard, with_watchdog=True)) == {LIMIT}
-        # The service is gone.
-        assert drive_after(guard, robot, lambda: kill(guard, with_watchdog=False)) == {LIMIT}
+        begun = time.monotonic()
+        kill(guard, with_watchdog=False)  # the service is gone
+        while WAITING not in reasons(robot, begun) and time.monotonic() < begun + 20.0:
+            robot.put("map", flat())
+            time.sleep(0.1)
+        time.sleep(PATIENCE + 1.0)
+        assert reasons(robot, time.monotonic() - 0.5) == {WAITING}
+        with service(session, answer):
+            assert drive_after(guard, robot, lambda: None) == {LIMIT}
         robot.close()
 
 
@@ -93,19 +104,7 @@ def test_service_that_does_not_answer_is_waited_for(guard: GuardProcess) -> None
         robot = GuardRobot(session)
         begun = time.monotonic()
         drive_after(guard, robot, lambda: kill(guard, with_watchdog=True))
-        assert WAITING in {output["reason"] for at, output in robot.outputs if at > begun}
+        assert WAITING in reasons(robot, begun)
         robot.close()
         for query in unanswered:
             query.drop()
-
-
-def test_memory_is_that_of_the_last_accepted_groups_or_damaged() -> None:
-    handle = os.memfd_create("test")
-    memory = ParameterMemory(handle)
-    assert memory.load() == []
-    memory.store([limits(), braking_group()])
-    memory.store([limits(0.5)])
-    assert memory.load() == [limits(0.5)]
-    os.pwrite(handle, b"x", 30)
-    assert memory.load() is None
-    os.close(handle)
