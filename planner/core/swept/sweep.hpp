@@ -64,8 +64,10 @@ class NarrowPhase {
   }
 
   // A drop ahead of the last pose, which is as far ahead of any pose that it blocks as others are.
-  Hazard check_beyond(const Pose2d& last, double step, double across) noexcept {
-    for (double ahead = step; step > 0.0 && ahead < sizes_.radius + step; ahead += step) {
+  // The last step of a path may be of any length, those beyond it are no shorter than samples.
+  Hazard check_beyond(const Pose2d& last, double back, double across) noexcept {
+    const double step = max_of(back, sizes_.stride);
+    for (double ahead = step; back > 0.0 && ahead < sizes_.radius + step; ahead += step) {
       const Place at = last.at(ahead, 0.0);
       const Pose2d pose{at.x, at.y, last.heading_x, last.heading_y};
       std::int32_t uneven = 0;
