@@ -78,7 +78,10 @@ def _worst_stretch(dataset: Any, ellipsoid: tuple[float, float]) -> float:
     shift = 0.5 * _STEP * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     at = (np.stack([x, y], axis=1)[:, None, :] + shift).reshape(-1, 2)
     geographic = CRS.from_proj4(f"+proj=longlat +a={radius!r} +f={flattening!r} +no_defs")
-    degrees = np.array(transform(dataset.crs, geographic, at[:, 0], at[:, 1])[:2])
+    try:
+        degrees = np.array(transform(dataset.crs, geographic, at[:, 0], at[:, 1])[:2])
+    except Exception:  # noqa: BLE001  what GDAL raises here is documented nowhere
+        return math.nan
     longitude, latitude = np.radians(degrees)
     # Positions in space, from the centre of the ellipsoid: they are smooth at the poles as well.
     squared = flattening * (2.0 - flattening)
