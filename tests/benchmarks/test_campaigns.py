@@ -13,7 +13,6 @@ from rich.console import Console
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
 from benchmarks.__main__ import main
-from benchmarks.closed_loop import loop_campaign
 from benchmarks.common.campaign import (
     BenchmarkRequest,
     ResultCache,
@@ -89,18 +88,6 @@ def test_every_first_part_of_the_logs_is_a_fair_share() -> None:
         for kind in ("clean", "single"):
             expected = end / len(every) * sum(job.kind == kind for job in every)
             assert sum(job.kind == kind for job in order[:end]) == pytest.approx(expected, abs=5.0)
-
-
-@pytest.mark.nightly
-def test_quick_closed_loop_drives_safely(tmp_path: Path) -> None:
-    request = BenchmarkRequest(quick=True, out=tmp_path)
-    first = loop_campaign.run(request, no_progress)
-    reached = {row["what"]: row["reached"] for row in first["targets"]}
-    assert reached["collisions"] == reached["stops past the clear distance"] == 0
-    assert reached["mean speed, share of perfect knowledge"] > 0.75
-    again = loop_campaign.run(request, no_progress)
-    assert again["policies"] == first["policies"]
-    assert again["seconds"] < 0.2 * first["seconds"]
 
 
 def test_a_run_says_at_once_how_much_it_is_and_where_it_cannot_write(

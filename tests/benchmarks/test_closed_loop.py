@@ -107,22 +107,18 @@ def test_body_dives_and_its_front_touches_walls() -> None:
     assert world.pose[0] - x == pytest.approx(4.0 - OVERHANG, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("scenes", "stops"), [((0,), 1), pytest.param((0, 3), 3, marks=pytest.mark.nightly)]
-)
-def test_planner_stops_before_walls_where_a_fixed_speed_does_not(
-    scenes: tuple[int, ...], stops: int
-) -> None:
+@pytest.mark.nightly  # by day a controller on a plan drives there, at the end of this file
+def test_planner_stops_before_walls_where_a_fixed_speed_does_not() -> None:
     model = learned_model()
-    drives = [run_drive(*scene(n, None), MovingHorizon(model, budget=60.0), n) for n in scenes]
+    drives = [run_drive(*scene(n, None), MovingHorizon(model, budget=60.0), n) for n in (0, 3)]
     figures = summary(drives, drives)
-    assert figures["finished"] == len(scenes)
-    assert figures["forced_stops"] >= stops
+    assert figures["finished"] == 2
+    assert figures["forced_stops"] >= 3
     assert figures["collisions"] == figures["past_clear"] == 0
     assert figures["covered"] == 1.0
     assert figures["least_load"] > LIMITS.min_load
     assert figures["track_error"] < 0.4
-    fixed = run_drive(*scene(scenes[0], None), LevelBrakes(model, 3.5), scenes[0])
+    fixed = run_drive(*scene(0, None), LevelBrakes(model, 3.5), 0)
     assert fixed.collisions > 0
     assert fixed.past_clear > 0
 

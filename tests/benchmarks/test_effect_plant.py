@@ -11,13 +11,12 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.discrepancy import (
     effect_plant,
-    gls_base,
     gls_scan,
     hidden_effects,
     plant_physics,
     sensing,
 )
-from benchmarks.discrepancy.identifiability import Identifiability, WeightedStops, identifiability
+from benchmarks.discrepancy.identifiability import Identifiability, identifiability
 from benchmarks.discrepancy.plant_physics import Physics, Stops, draw
 from benchmarks.discrepancy.sensing import Columns
 from tests.benchmarks.driven_stops import G, measured, stops
@@ -108,7 +107,6 @@ def test_larger_sizes_change_more(name: str) -> None:
 
 
 ABSORBING = Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
-WINDY = ABSORBING._replace(wind_drag=0.012, wind=6.0, wind_direction=0.4)
 DRAG = ABSORBING._replace(drag=0.03)
 UPHILL = ABSORBING._replace(asymmetry=0.4)
 
@@ -128,31 +126,6 @@ def test_effects_that_the_base_absorbs_have_no_gap() -> None:
     seen = known(UPHILL, scene(60), "grade_asymmetry")
     assert seen.is_detectable
     assert known(UPHILL, scene(60), "grade_asymmetry", scatter=0.005).gap > 3.0 * seen.gap
-
-
-def test_gap_is_the_expected_chi_square_of_drawn_noise() -> None:
-    """With drawn noise, the truth fits better than the base by its expected χ² and by the chance
-    gain of the fitted numbers."""
-    stops = scene(40)
-    gap = known(DRAG, stops, "aerodynamic_drag").gap
-    calm = stops._replace(friction=np.ones(40), delay=np.zeros(40))
-    weighted = WeightedStops(DRAG, calm, 0.03, 0.02)
-    fitted, residual = weighted.refit(ABSORBING)
-    q = np.linalg.qr(weighted.tangents(fitted).T)[0]
-    gains = []
-    for seed in range(30):
-        noise = np.random.default_rng(seed).standard_normal(residual.size)
-        base = residual + noise
-        gains.append(base @ base - (q.T @ base) @ (q.T @ base) - noise @ noise)
-    std = 2.0 * np.sqrt(gap) / np.sqrt(30.0)
-    assert np.mean(gains) == pytest.approx(gap - q.shape[1], abs=4.0 * std)
-
-
-def test_headwind_from_one_side_is_near_viscous_resistance() -> None:
-    one_way = known(WINDY, scene(60, "one-way"), "headwind", 0.005)
-    assert one_way.nearest == "viscous_resistance"
-    assert one_way.apart < 0.5 * one_way.gap
-    assert known(WINDY, scene(60), "headwind", 0.005).has_name
 
 
 LAW = Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
@@ -185,19 +158,3 @@ def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
 )
 def test_scan_names_plain_effects(fields: dict[str, float], names: tuple[str, ...]) -> None:
     assert gls_scan.name_effects(logged(LAW._replace(**fields)), CONFIGURED) == names
-
-
-def test_base_is_fitted_with_its_dead_time_and_scatter() -> None:
-    fit = gls_base.fit_base(logged(LAW, count=80), CONFIGURED)
-    t = fit.traces
-    level = np.abs(t.grade) < 0.02
-    force = LAW.m_b * t.v_i[:, None] + LAW.b_b + (LAW.m_m * t.v_i[:, None] + LAW.b_m) * t.grade
-    assert np.max(np.abs(fit.force - force)[level]) < 0.015
-    assert fit.scatter.sample == pytest.approx(0.01, rel=0.5)
-    assert fit.scatter.friction == pytest.approx(0.01, rel=0.6)
-
-
-def test_too_few_stops_are_refused() -> None:
-    short = {name: values[:300] for name, values in logged(LAW, count=8).items()}
-    with pytest.raises(ValueError, match="eight"):
-        gls_scan.name_effects(short, CONFIGURED)

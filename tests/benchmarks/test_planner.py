@@ -12,7 +12,7 @@ from rich.console import Console
 
 from benchmarks.common.campaign import BenchmarkRequest, no_progress
 from benchmarks.common.profile_quality import smooth_excess, stations_of, travel_time
-from benchmarks.planner import cycle_time, growth, optimality
+from benchmarks.planner import cycle_time, optimality
 from benchmarks.planner.cycle_time import CANDIDATES, STATIONS, HorizonDrive
 from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Ranked
 from slopewise.planner.plan import Status
@@ -97,22 +97,3 @@ def test_slower_profile_needs_more_time() -> None:
     assert smooth_excess(problem, optimum.speed_sq) < 1e-3
     slower = travel_time(stations_of(problem), 0.64 * optimum.speed_sq)
     assert slower / optimum.travel_time == pytest.approx(1.25)
-
-
-def test_growth_is_the_slope_of_logarithms(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = [0.0]
-
-    def work(n: float) -> None:
-        clock[0] += 1e-6 * n**2
-
-    def square(n: float) -> growth.Case:
-        return growth.Case(lambda: n, work)
-
-    monkeypatch.setattr(growth, "process_time", lambda: clock[0])
-    costs = [growth.Cost("square", "", (200, 400, 800, 1600), square)]
-    monkeypatch.setattr(growth, "_costs", lambda: costs)
-    result = growth.run(BenchmarkRequest(), no_progress)
-    assert result["growth"][0]["exponent"] == pytest.approx(2.0, abs=1e-6)
-    screen = Console(record=True, width=120)
-    growth.show(result, screen)
-    assert "more than in proportion" in screen.export_text()
