@@ -59,7 +59,8 @@ def planned(pages: tuple[Running, str]) -> str:
     """The page after a map arrived and a plan was requested."""
     service, url = pages
     assert get(f"{url}/health")[0] == 503
-    assert "robots are commanded to brake" in browser.text_of(url)
+    if browser.BROWSER is not None:
+        assert "robots are commanded to brake" in browser.text_of(url)
     odd = Candidate(name=HOSTILE, points=fan(1)[0].points)
     with (
         service.session() as session,
