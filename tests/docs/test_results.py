@@ -21,7 +21,6 @@ sys.path.insert(0, str(DOCS / "site"))
 
 import results  # noqa: E402
 
-STORED = sorted((DOCS / "results").glob("*.json"))
 OPTIMALITY = {
     "solved_by_both": 7,
     "excess": {"least": 0.0, "median": 0.001, "p90": 0.002, "p99": 0.003, "most": 0.00412},
@@ -68,16 +67,6 @@ def test_a_result_that_does_not_fit_is_named(
     with pytest.raises(results.ResultError, match=message) as error:
         results.filled(PAGE, tmp_path)
     assert name in str(error.value)
-
-
-@pytest.mark.parametrize("file", STORED, ids=lambda file: file.stem)
-def test_stored_results_are_on_the_page_as_it_is_written(file: Path) -> None:
-    page = (DOCS / "benchmarks.md").read_text()
-    assert f"(results/{file.name})" in page
-    assert "No result of a full run is stored" not in page
-    shown = results.shown(file.stem, file)
-    assert shown.count("\n| ") > 3
-    assert shown in page, "`make docs` writes the tables"
 
 
 def test_the_page_is_what_the_script_writes() -> None:

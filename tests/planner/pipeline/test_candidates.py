@@ -250,13 +250,6 @@ def test_alone_or_in_a_crowd_of_more_than_one_batch_a_candidate_is_the_same() ->
         np.testing.assert_allclose(alone.speed, crowd[i].speed, atol=1e-9)
 
 
-def test_ranking_is_travel_time_plus_a_charge_for_what_is_not_reached() -> None:
-    station = np.stack([np.arange(5.0)] * 2, axis=1)
-    speed_sq = np.array([(4.0, 4.0), (4.0, 4.0), (4.0, 0.0), (4.0, 0.0), (4.0, 0.0)])
-    cost = core.travel_cost(station, speed_sq, 3.0)
-    np.testing.assert_allclose(cost, [4 / 2.0, 1 / 2.0 + 2.0 / 2.0 + 3.0 * 2.0])
-
-
 SERPENTINE = np.stack([x := np.arange(0.0, 24.0, 0.15), 0.3 * np.sin(2.0 * np.pi * x / 6.0)], 1)
 
 

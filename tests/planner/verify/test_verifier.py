@@ -183,17 +183,6 @@ def test_the_dead_time_of_a_surface_holds_from_the_segment_in_which_it_starts() 
     assert 0.0 < within < 1.5 * np.sqrt(speed_sq[k - 1])
 
 
-@pytest.mark.parametrize("kind", ["accel", "decel"])
-def test_comfort_limits_are_found(kind: str) -> None:
-    case = Case(tables_with(), plane(), straight(20.0))
-    speed_sq = case.speed_sq.copy()
-    k = 4 if kind == "accel" else len(speed_sq) - 5
-    speed_sq[k] *= 1.1
-    assert kind in case.kinds(speed_sq)
-    verdict = case.verify(speed_sq)
-    assert set(verdict.where) <= {k - 1, k}
-
-
 DRIVE = {"max_drive_force": 9000.0, "max_drive_power": 9e4}
 LIGHT = {"accel": 4.0, "min_load": 0.25}
 

@@ -1,20 +1,14 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import signal
-import threading
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.fleet.local_cluster import cluster, workers_of
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.errors import InputError
 from slopewise.services.fleet import investigate_fleet, vehicle_finding
@@ -177,37 +171,6 @@ def test_each_vehicle_has_a_row_a_line_and_its_files(local: Path) -> None:
     for name in ("lag", "clean"):
         assert f'href="vehicles/{name}/report.html"' in page
         assert "data:image/svg+xml" in (local / "vehicles" / name / "report.html").read_text()
-
-
-@pytest.mark.nightly  # by day with plans, test_plan_fleet.py
-def test_a_scheduler_and_workers_one_of_them_killed_write_the_same_bytes(
-    logs: list[Path], local: Path, tmp_path: Path
-) -> None:
-    killed: list[int] = []
-    with cluster(2) as (address, nannies):
-
-        def kill_one_at_work() -> None:
-            until = time.monotonic() + 60.0
-            while not killed and time.monotonic() < until:
-                for worker in workers_of(nannies):
-                    used = worker.cpu_times().user
-                    mapped = " ".join(m.path for m in worker.memory_maps())
-                    if "scipy" in mapped and used > 1.0:
-                        os.kill(worker.pid, signal.SIGKILL)
-                        killed.append(worker.pid)
-                        return
-                time.sleep(0.02)
-
-        thread = threading.Thread(target=kill_one_at_work)
-        thread.start()
-        summary = run(logs, tmp_path, workers=None, scheduler=address)
-        thread.join()
-    assert len(killed) == 1
-    assert not psutil.pid_exists(killed[0])
-    assert summary.examined == 2
-    ours, theirs = content(tmp_path), content(local)
-    assert [n for n in theirs if ours.get(n) != theirs[n]] == []
-    assert ours.keys() == theirs.keys()
 
 
 def test_a_second_run_examines_new_logs_only(

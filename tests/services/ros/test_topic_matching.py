@@ -1,6 +1,7 @@
 """Tokens of every distribution, why a topic has no other end, bytes of the real client library.
 
-See rclpy_messages.py for where those are from.
+Those are of rclpy with Fast CDR of Kilted, from the packages of PyPI that `made_by` in their file
+has; next to each message are the values that it was made of.
 """
 
 from __future__ import annotations
