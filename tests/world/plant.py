@@ -43,6 +43,8 @@ class World:
     has_curvature: bool = False
     further_places: tuple[tuple[float, float, float], ...] = ()
     ambient: float = 0.0
+    turning: float = 0.4
+    """Share of the stops."""
 
 
 @dataclass
@@ -160,7 +162,7 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
     speed, base = rng.uniform(*world.speeds, stops), rng.uniform(*world.grades, stops)
     wave, phase = rng.uniform(8.0, 16.0, stops), rng.uniform(0.0, 2 * np.pi, stops)
     yaw = rng.uniform(-np.pi, np.pi, stops) + 0.02 * rng.standard_normal(stops)
-    rate = np.where(rng.random(stops) < 0.4, rng.uniform(-0.6, 0.6, stops), 0.0)
+    rate = np.where(rng.random(stops) < world.turning, rng.uniform(-0.6, 0.6, stops), 0.0)
     roll = rng.uniform(-0.15, 0.15, stops)
     # Ground that fits no map must not be driven twice at one place.
     side = 40.0 if "surface_patch" in world.effects else 400.0
