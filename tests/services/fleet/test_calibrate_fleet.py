@@ -51,7 +51,7 @@ def test_unusable_logs_and_impossible_fits_are_their_vehicles_alone(
 ) -> None:
     cut, weak, out = tmp_path / "cut.csv", tmp_path / "weak.csv", tmp_path / "out"
     cut.write_text(logs[0].read_text()[:5000].rpartition(",")[0])
-    columns, _, _ = drive(FREE_ROLLING, 30, 7, terrain="")
+    columns, _, _ = drive(FREE_ROLLING, 8, 7, terrain="")
     write_csv({n: c.tolist() if n in ("run", "terrain") else c for n, c in columns.items()}, weak)
     result = run([*logs, cut, weak], out)
     assert sorted(file.stem for file in out.iterdir()) == ["robot-0", "robot-1", "robot-2"]
