@@ -77,10 +77,11 @@ def table(name: str, stops: int = 48, seed: int = 3) -> StopTable:
 
 
 STOPS = {"places": 90, "lag_and_drag": 90, "noisy": 24}
+STOPS |= dict.fromkeys(("clean", "drift", "bias", "cross", "ambient"), 36)
 """Stops of logs that need more than the others, or fewer."""
 AT_NIGHT = (
     *("places", "lag_and_drag", "pair", "build_up", "waves", "crests", "lockup"),
-    *("drag", "fade", "slow_drag"),
+    *("drag", "fade", "slow_drag", "patch", "step"),
 )
 
 

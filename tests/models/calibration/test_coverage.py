@@ -30,14 +30,14 @@ def stops_of(plant: Plant, count: int, seed: int) -> tuple[dict[str, np.ndarray]
 
 
 def test_a_model_covers_another_log_of_its_vehicle_and_not_of_weaker_brakes() -> None:
-    model = replace(BASE, braking=learn(*stops_of(VEHICLE, 40, 1), BASE.braking).braking)
+    model = replace(BASE, braking=learn(*stops_of(VEHICLE, 30, 1), BASE.braking).braking)
     for vehicle, covers in ((VEHICLE, True), (replace(VEHICLE, b_b=0.25), False)):
-        columns, runs = stops_of(vehicle, 40, 2)
+        columns, runs = stops_of(vehicle, 30, 2)
         coverage = covered(columns, runs, model, ground=-columns["pitch"])
-        assert len(coverage.records) == 40
+        assert len(coverage.records) == 30
         assert coverage.covers() is covers
         assert (np.sum(coverage.excess < 0.0) > 1) is not covers
-        assert len(set(coverage.session.tolist())) == 40
+        assert len(set(coverage.session.tolist())) == 30
 
 
 def test_one_stop_is_enough_and_none_is_not() -> None:
@@ -51,17 +51,17 @@ def test_margins_as_long_as_the_stops_are_no_success() -> None:
     # Each stop with 0.6 or 1.7 of the deceleration.
     wild = learn(*stops_of(Plant(outliers=1.0, scatter=0.1, b_b=0.5), 8, 4), BASE.braking)
     assert any("times the length" in w or "would not allow" in w for w in wild.objections)
-    assert learn(*stops_of(VEHICLE, 40, 4), BASE.braking).objections == ()
+    assert learn(*stops_of(VEHICLE, 24, 4), BASE.braking).objections == ()
 
 
 def test_an_implausible_dead_time_is_reported() -> None:
-    learned = learn(*stops_of(Plant(dead_time=2.0), 40, 5), BASE.braking)
+    learned = learn(*stops_of(Plant(dead_time=2.0), 20, 5), BASE.braking)
     assert any("dead time of 2.00" in text or "of 1.99" in text for text in learned.objections)
 
 
 @pytest.mark.parametrize("by_map", [False, True])
 def test_a_grade_of_the_wrong_sign_is_rejected(by_map: bool) -> None:
-    columns, runs = stops_of(VEHICLE, 40, 6)
+    columns, runs = stops_of(VEHICLE, 24, 6)
     flipped = columns | {"pitch": -columns["pitch"]}
     learned = learn(flipped, runs, BASE.braking, ground=columns["pitch"] if by_map else None)
     assert any("wrong sign" in text for text in learned.objections)
@@ -71,9 +71,9 @@ def test_a_grade_of_the_wrong_sign_is_rejected(by_map: bool) -> None:
 
 
 def test_a_log_that_loses_samples_in_more_than_half_of_the_stops_is_rejected() -> None:
-    columns, runs = stops_of(VEHICLE, 40, 7)
+    columns, runs = stops_of(VEHICLE, 24, 7)
     time, logged = columns["t"].copy(), np.ones(len(columns["t"]), np.bool_)
-    for run in runs[:30]:
+    for run in runs[:18]:
         command = run.start + int(np.argmax(columns["v_cmd"][run] <= 0.0))
         lost = slice(command + 40, command + 55)  # 0.15 s of the braking
         logged[lost] = False

@@ -127,7 +127,7 @@ def test_one_side_says_nothing() -> None:
 def test_the_requested_share_of_future_stops_is_covered(n: int, kind: str) -> None:
     rng = np.random.default_rng(n)
     covered = []
-    for _ in range(400):
+    for _ in range(200):
         draw = rng.standard_normal(n) if kind == "normal" else rng.standard_t(5, n)
         bound = offset_for(0.995, 0.1 * draw) / 0.1
         covered.append(stats.norm.cdf(bound) if kind == "normal" else stats.t.cdf(bound, 5))

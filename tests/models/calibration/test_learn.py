@@ -95,11 +95,11 @@ def recover(seeds: range, stops: int | None, **changes: float) -> None:
 
 
 def test_the_truth_is_recovered() -> None:
-    recover(range(1, 4), 60)
+    recover(range(1, 3), 60)
 
 
 def test_the_truth_is_recovered_from_gross_outliers() -> None:
-    recover(range(20, 21), 100, outliers=0.05)
+    recover(range(20, 21), 60, outliers=0.05)
 
 
 @pytest.mark.nightly
@@ -109,8 +109,8 @@ def test_the_truth_is_recovered_two_hundred_times() -> None:
 
 def test_outliers_change_nothing_by_more_than_a_standard_deviation() -> None:
     plant = plant_of(0)
-    clean = learn(*drive(plant, 100, 0)[:2], KNOWN)
-    dirty = learn(*drive(replace(plant, outliers=0.05), 100, 0)[:2], KNOWN)
+    clean = learn(*drive(plant, 60, 0)[:2], KNOWN)
+    dirty = learn(*drive(replace(plant, outliers=0.05), 60, 0)[:2], KNOWN)
     std = deviations(clean, misaligned=False)
     shift = dirty.surfaces[0].fit.coefficients - clean.surfaces[0].fit.coefficients
     assert np.all(np.abs(shift) < std)
@@ -120,10 +120,10 @@ def test_outliers_change_nothing_by_more_than_a_standard_deviation() -> None:
 @pytest.mark.parametrize(("source", "seed"), [("both ways", 0), ("map", 1)])
 def test_diving_and_misaligned_no_downhill_stop_is_predicted_short(source: str, seed: int) -> None:
     plant = plant_of(seed, **DIVING)
-    log, runs, _ = drive(plant, 100, seed, out_and_back=source == "both ways")
+    log, runs, _ = drive(plant, 70, seed, out_and_back=source == "both ways")
     ground = None
     if source == "map":
-        same = drive(replace(plant, dive=0.0, mount=0.0, pitch_noise=0.0), 100, seed)[0]
+        same = drive(replace(plant, dive=0.0, mount=0.0, pitch_noise=0.0), 70, seed)[0]
         ground = -same["pitch"]
     learned = learn(log, runs, KNOWN, ground=ground)
     _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
@@ -139,22 +139,29 @@ def test_a_body_that_dives_downhill_does_not_shift_the_slope_coefficients() -> N
     deviation = []
     for seed in range(2):
         plant = replace(plant_of(seed, dive=2.0 * DIVING["dive"]), pitch_noise=0.0)
-        log, runs, _ = drive(plant, 100, seed)
+        log, runs, _ = drive(plant, 60, seed)
         learned = learn(log, runs, KNOWN).braking
         deviation.append(2.5 * (learned.m_m - plant.m_m) + learned.b_m - plant.b_m)
     share = 9.80665 * 2.0 * DIVING["dive"]
     assert abs(np.mean(deviation)) < 0.25 * share, (deviation, share)
 
 
-def test_from_pitch_alone_no_downhill_stop_is_predicted_short() -> None:
-    # Also where brakes only just hold the slope.
-    for seed, weak in ((4, {}), (8, {"b_b": 0.36, "m_b": 0.0})):
-        plant = replace(plant_of(seed, **DIVING), **weak)
-        log, runs, _ = drive(plant, 100, seed)
-        learned = learn(log, runs, KNOWN)
-        assert not learned.mount.known
-        _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
-        assert np.min(excess(learned, held_out)) > 0.0
+@pytest.mark.parametrize(
+    ("seed", "weak"),
+    [
+        (8, {"b_b": 0.36, "m_b": 0.0}),  # brakes only just hold the slope
+        pytest.param(4, {}, marks=pytest.mark.nightly),
+    ],
+)
+def test_from_pitch_alone_no_downhill_stop_is_predicted_short(
+    seed: int, weak: dict[str, float]
+) -> None:
+    plant = replace(plant_of(seed, **DIVING), **weak)
+    log, runs, _ = drive(plant, 100, seed)
+    learned = learn(log, runs, KNOWN)
+    assert not learned.mount.known
+    _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
+    assert np.min(excess(learned, held_out)) > 0.0
 
 
 @pytest.mark.nightly
@@ -174,7 +181,7 @@ def test_an_unknown_mount_is_part_of_what_is_claimed() -> None:
 def test_taking_the_body_for_the_ground_would_be_short() -> None:
     # What the estimates of dive and mount are for: the same stops on raw pitch.
     plant = plant_of(0, **DIVING)
-    log, runs, _ = drive(plant, 100, 0)
+    log, runs, _ = drive(plant, 60, 0)
     raw = learn(log, runs, KNOWN, ground=-log["pitch"])
     _, _, held_out = drive(plant, 100, 7_000, grades=(-0.25, -0.03))
     assert np.min(excess(raw, held_out)) < -0.05
@@ -182,8 +189,8 @@ def test_taking_the_body_for_the_ground_would_be_short() -> None:
 
 def test_an_unobservable_mount_is_reported_and_adds_margin() -> None:
     plant = plant_of(1)
-    two_way = learn(*drive(plant, 80, 1, out_and_back=True)[:2], KNOWN)
-    blind_log, runs, _ = drive(plant, 80, 1, out_and_back=True)
+    two_way = learn(*drive(plant, 50, 1, out_and_back=True)[:2], KNOWN)
+    blind_log, runs, _ = drive(plant, 50, 1, out_and_back=True)
     blind = learn({n: v for n, v in blind_log.items() if n not in ("x", "y")}, runs, KNOWN)
     assert not blind.mount.known
     assert any("mount offset" in text for text in blind.warnings)
@@ -199,8 +206,8 @@ def test_other_brakes_uphill_get_coefficients_of_their_own(
     change: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plant = Plant(uphill=change)
-    log, runs, _ = drive(plant, 60, 4)
-    fresh = drive(plant, 60, 5)[:2]
+    log, runs, _ = drive(plant, 48, 4)
+    fresh = drive(plant, 24, 5)[:2]
     learned = learn(log, runs, KNOWN)
     assert any("uphill" in text and f"{change:+.1f}" in text for text in learned.warnings)
     up = learned.braking.uphill
@@ -215,10 +222,6 @@ def test_other_brakes_uphill_get_coefficients_of_their_own(
     )
     assert asymmetric_coverage.covers()
     assert np.mean(asymmetric_coverage.excess) < np.mean(symmetric_coverage.excess)
-
-
-def test_symmetric_brakes_get_no_uphill_coefficients() -> None:
-    assert not any("uphill" in w for w in learn(*drive(Plant(), 60, 4)[:2], KNOWN).warnings)
 
 
 def test_level_ground_keeps_the_slopes_and_narrows_the_grades() -> None:
@@ -260,11 +263,12 @@ def test_each_surface_gets_its_own_and_the_base_is_the_weakest() -> None:
 
 
 def test_coverage_can_be_chosen() -> None:
-    log, runs, fresh = drive(Plant(), 60, 3)
+    log, runs, fresh = drive(Plant(), 36, 3)
     ways = []
     for c in (0.8, 0.95, 0.999):
         learned = learn(log, runs, KNOWN, settings=CalibrationSettings(coverage=c))
         ways.append(allowed(learned.braking, fresh, c))
+        assert not any("uphill" in text for text in learned.warnings), "brakes are symmetric"
     # The lines of two quantiles may cross by what a line loses against the table.
     assert np.all(ways[0] < ways[1] * 1.02)
     assert np.all(ways[1] < ways[2])
@@ -292,7 +296,7 @@ def test_positions_without_yaw_determine_the_mount_as_well() -> None:
 
 
 @given(seed=st.integers(0, 10_000), size=st.integers(1, 400))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_any_log_is_learned_from_or_refused_with_a_message(seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
     columns = {

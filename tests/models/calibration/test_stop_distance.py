@@ -71,7 +71,7 @@ def braking(table: StopDistance) -> Braking:
     )
 
 
-@pytest.mark.parametrize("seeds", [5, pytest.param(50, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seeds", [3, pytest.param(50, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize(("n", "m"), [(8, 1), (15, 3), (40, 8)])
 def test_stops_of_new_sessions_keep_the_promise(n: int, m: int, seeds: int) -> None:
     beyond = {0.9: [], 0.99: []}  # type: dict[float, list[float]]

@@ -216,7 +216,7 @@ def test_equal_noise_is_ordinary_least_squares() -> None:
     np.testing.assert_allclose(fit.coefficients, np.linalg.lstsq(x, y, rcond=None)[0], atol=1e-6)
 
 
-@pytest.mark.parametrize("scatter", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize("scatter", [0.0, pytest.param(0.1, marks=pytest.mark.nightly), 0.5])
 def test_scatter_and_covariance_are_honest(scatter: float) -> None:
     fits = [random_effects.fit(*line(seed, 60, scatter), NONE, WIDE) for seed in range(150)]
     errors = np.array(

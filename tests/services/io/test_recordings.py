@@ -55,8 +55,8 @@ def test_stops_are_found_as_an_eye_finds_them(
 @pytest.mark.parametrize("name", ["Warthog", pytest.param("Husky", marks=pytest.mark.nightly)])
 def test_stops_of_sessions_left_out_keep_their_promise(name: str) -> None:
     """At most what a binomial count of the promised share exceeds once in a hundred recordings."""
-    by_name = {n: (log, sessions) for n, log, sessions in recordings(real_data("."))}
-    held = leave_sessions_out(*by_name[name], KNOWN)
+    log, sessions = next(rest for n, *rest in recordings(real_data(".")) if n == name)
+    held = leave_sessions_out(log, sessions, KNOWN)
     count = len(held.distance)
     assert count >= 60
     assert held.refused == 0
