@@ -28,7 +28,7 @@ from tests.world.generated import between, by_day_and_night
 from tests.world.vehicles import Tables, model_of
 
 STARTS = st.one_of(st.just(0.0), between(0.0, 6.0))
-SOME = by_day_and_night(20, 1000)
+SOME = by_day_and_night(10, 1000)
 
 
 def nowhere_faster(tight: TimeOptimalBatch, loose: TimeOptimalBatch, by: float = 0.0) -> None:

@@ -21,7 +21,7 @@ from tests.world.ground import ground_map
 from tests.world.vehicles import Tables, model_of
 
 SEEN: Counter[str] = Counter()
-FEW = by_day_and_night(20, 500)
+FEW = by_day_and_night(10, 500)
 
 
 def planned(scene: Scene) -> SpeedPlan:

@@ -32,11 +32,16 @@ def plans_on(place: str, vehicle: str, data: Path, every: int) -> list[SpeedPlan
     ]
 
 
+NIGHTLY = (pytest.mark.nightly, pytest.mark.timeout(3600))
+
+
 @pytest.mark.parametrize(
-    ("every", "checked"),
-    [(2, 10), pytest.param(1, 1, marks=[pytest.mark.nightly, pytest.mark.timeout(3600)])],
+    ("place", "vehicle", "every", "checked"),
+    [
+        *((*case, 2, 10) for case in CASES[::2]),
+        *(pytest.param(*case, 1, 1, marks=NIGHTLY) for case in CASES),
+    ],
 )
-@pytest.mark.parametrize(("place", "vehicle"), CASES)
 def test_plans_pass_the_checker_and_more_than_half_of_them_move(
     place: str, vehicle: str, every: int, checked: int, data: Path
 ) -> None:

@@ -149,7 +149,9 @@ def test_a_late_stop_ends_within_the_clear_distance() -> None:
     assert planned(ATV, FLAT, path).travel_time < plan.travel_time
 
 
-@pytest.mark.parametrize("kind", ["wall", pytest.param("post", marks=pytest.mark.nightly), "cliff"])
+@pytest.mark.parametrize(
+    "kind", ["wall", *(pytest.param(k, marks=pytest.mark.nightly) for k in ("post", "cliff"))]
+)
 def test_passes_with_errors_touch_no_more_often_than_promised(kind: str) -> None:
     """Free widths around the band, 4,000 draws; plans without it touch far more often."""
     rng, quantile, count = np.random.default_rng(2), 0.9, 250

@@ -43,7 +43,7 @@ def relief(rng: np.random.Generator, rows: int, columns: int) -> Floats:
 
 
 @pytest.mark.parametrize(
-    "seed", [*range(12), *(pytest.param(n, marks=pytest.mark.nightly) for n in range(12, 100))]
+    "seed", [*range(6), *(pytest.param(n, marks=pytest.mark.nightly) for n in range(6, 100))]
 )
 def test_checker_has_the_same_heights(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -151,7 +151,9 @@ def test_time_is_bounded(cells: int, cell: float, length: float, unknown: float)
     assert time.process_time() - start < 4.0
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed", [*range(3), *(pytest.param(n, marks=pytest.mark.nightly) for n in range(3, 8))]
+)
 def test_a_patch_is_averaged_as_on_a_new_map(seed: int) -> None:
     rng = np.random.default_rng(seed)
     cell, length = float(rng.choice([0.02, 0.05, 0.1])), float(rng.choice([0.0, 0.15]))

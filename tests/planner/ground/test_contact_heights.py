@@ -43,7 +43,7 @@ def vehicle_with(radius: float = ATV_RADIUS, **changes: float) -> Model:
 
 
 @pytest.mark.parametrize(
-    "seed", [*(pytest.param(seed, marks=pytest.mark.nightly) for seed in (0, 1)), 2, 3, 4, 5]
+    "seed", [*(pytest.param(seed, marks=pytest.mark.nightly) for seed in (0, 1, 4)), 2, 3, 5]
 )
 def test_contact_heights_are_as_defined(seed: int) -> None:
     resolution, radius = (0.1, 0.05, 0.25)[seed % 3], (0.28, 0.13)[seed // 3]

@@ -93,7 +93,7 @@ def driven(drive: Drive, cycles: int) -> int:
     return moved
 
 
-@by_day_and_night(5, 250)
+@by_day_and_night(3, 250)
 @given(drives(), st.sampled_from([0.0, 0.08]))
 def test_what_is_safe_stays_safe_without_a_jump(drive: Drive, noise: float) -> None:
     """Tracked exactly, or with noise."""
@@ -113,7 +113,7 @@ def emergency_end(drive: Drive, plan: SpeedPlan) -> float:
 CHANGES = st.sampled_from(["clear", "hole", "weaker", "limit"])
 
 
-@by_day_and_night(9, 250)
+@by_day_and_night(6, 250)
 @given(drives(), CHANGES, between(0.5, 8.0), st.integers(5, 20))
 def test_what_got_worse_is_answered_safely_and_labelled(
     drive: Drive, change: str, ahead: float, when: int

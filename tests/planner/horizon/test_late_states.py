@@ -75,7 +75,14 @@ HILLY = plane(-0.08, y=(-16.0, 16.0))
 VARYING = [0.2, 0.28, 0.16, 0.1, 0.3, 0.12, 0.22, 0.26]
 
 
-@pytest.mark.parametrize("ages", [[0.1], [0.5], VARYING], ids=["0.1", "0.5", "vary"])
+@pytest.mark.parametrize(
+    "ages",
+    [
+        pytest.param([0.1], id="0.1", marks=pytest.mark.nightly),
+        pytest.param([0.5], id="0.5"),
+        pytest.param(VARYING, id="vary"),
+    ],
+)
 def test_lateness_costs_no_stop_and_no_jump(ages: list[float]) -> None:
     prompt, late = Obedient(TURN, HILLY), Obedient(TURN, HILLY)
     for age in ages * 5:
