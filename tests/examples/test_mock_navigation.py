@@ -28,7 +28,7 @@ from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.service_process import free_port, running
 
 
-@pytest.mark.parametrize("laps", [0.25, pytest.param(1.0, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("laps", [0.15, pytest.param(1.0, marks=pytest.mark.nightly)])
 def test_it_stays_on_the_map_for_a_lap_and_obeys(laps: float) -> None:
     """As fast as answers come; speeds are compared with the limits of the model."""
     endpoint, period = (f"tcp/127.0.0.1:{free_port()}",), 0.1

@@ -11,7 +11,14 @@ import pytest
 import slopewise
 from slopewise.models.arrays import Floats
 
-CASES = [("atv", 0.1), ("atv", 0.25), ("husky", 0.1), ("ugv", 0.1), ("ugv", 0.25)]
+CASES = [
+    ("atv", 0.1),
+    ("ugv", 0.25),
+    *(
+        pytest.param(*c, marks=pytest.mark.nightly)
+        for c in (("atv", 0.25), ("husky", 0.1), ("ugv", 0.1))
+    ),
+]
 
 
 def refused(
@@ -65,7 +72,13 @@ def test_gaps_are_as_deep_as_a_wheel_sinks(vehicle: str, cell: float) -> None:
             assert refused(vehicle, cell, gap, 0.0), cells
 
 
-@pytest.mark.parametrize(("vehicle", "cell"), [("atv", 0.05), ("husky", 0.025), ("ugv", 0.05)])
+@pytest.mark.parametrize(
+    ("vehicle", "cell"),
+    [
+        ("atv", 0.05),
+        *(pytest.param(*c, marks=pytest.mark.nightly) for c in (("husky", 0.025), ("ugv", 0.05))),
+    ],
+)
 def test_gaps_and_edges_oblique_to_the_path(vehicle: str, cell: float) -> None:
     """A wheel bridges a gap that it crosses obliquely, and falls off an edge there."""
     limit = slopewise.read_model(vehicle).vehicle.shape.max_step

@@ -65,10 +65,11 @@ def test_plans_taken_for_one_another_are_refused(kind: str) -> None:
         assert is_refused(of_another(base, second)[kind])
 
 
-def test_no_sound_plan_is_refused() -> None:
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.nightly)])
+def test_no_sound_plan_is_refused(every: int) -> None:
     plans = clean_plans()
     assert len(plans) + len(bases()) >= 100
-    for name, base in plans + [("base", base) for base in bases()]:
+    for name, base in (plans + [("base", base) for base in bases()])[::every]:
         report = report_of(base)
         assert report.valid, (name, report.violations[:3])
         assert set(report.unverified) <= {"path_deviation"}

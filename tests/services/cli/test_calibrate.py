@@ -196,7 +196,7 @@ def in_knots(log: Log) -> Log:
         (lambda log: log | {"t": 1e3 * log["t"]}, ("column t", "expected seconds", "like ms")),
         (lambda log: log | {"t": 1e6 * log["t"]}, ("column t", "expected seconds", "like us")),
         (lambda log: log | {"t": 300.0 * log["t"]}, ("0 of 24 found", "sparse", "no sample in")),
-        (lambda _: drive(FREE_ROLLING, 24, 0)[0], ("braking.b_b", "0.02 … 1.5")),
+        (lambda _: drive(FREE_ROLLING, 8, 0)[0], ("braking.b_b", "0.02 … 1.5")),
         (lambda _: in_knots(drive(Plant(), 24, 0, out_and_back=True)[0]), ("column v", "knots")),
     ],
     ids=[
@@ -389,7 +389,7 @@ def test_a_missing_column_of_an_effect_is_a_note(tmp_path: Path) -> None:
 def step(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Findings in a log with weaker brakes from run 25 on."""
     folder = tmp_path_factory.mktemp("discrepancy")
-    log = write_log(discrepancy_log("step")[0], folder / "drive.csv")
+    log = write_log(discrepancy_log("step", 36)[0], folder / "drive.csv")
     done = here("discrepancy", log, "-m", "atv", "--out", folder / "out", "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == json.loads((folder / "out/discrepancy.json").read_text())

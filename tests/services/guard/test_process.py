@@ -76,7 +76,9 @@ def test_missing_or_unusable_input_is_a_stop_in_time(
     robot.sends_command = robot.sends_motion = True
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.nightly)]
+)
 def test_watchdog_that_fails_is_a_stop_in_time(guard: GuardProcess, number: signal.Signals) -> None:
     with driving(guard) as robot:
         worker = guard.workers[0]

@@ -71,7 +71,7 @@ def first_overlap(
 
 @pytest.mark.parametrize("drive", ["skid_steer", "ackermann"])
 @pytest.mark.parametrize("share", [1.0, 0.6, 0.0])
-@pytest.mark.parametrize("scenes", [40, pytest.param(400, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("scenes", [25, pytest.param(400, marks=pytest.mark.nightly)])
 def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
     scenes: int, share: float, drive: str
 ) -> None:

@@ -32,6 +32,7 @@ from slopewise.services.io.model_file import (
     write_model,
 )
 from tests.services.faults import bad_inputs, fault_in
+from tests.world.generated import by_day_and_night
 
 ROOT = Path(__file__).parents[3]
 KINDS = {"vehicle": Vehicle, "braking": Braking, "terrain": Terrain, "limits": Limits}
@@ -284,7 +285,7 @@ LAG = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None)
+@by_day_and_night(25, 2000)
 @given(
     given_keys=st.sets(st.sampled_from(sorted(OPTIONAL))),
     factor=st.floats(0.97, 1.0),

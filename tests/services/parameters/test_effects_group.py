@@ -110,12 +110,20 @@ def test_distances_are_those_of_the_closed_form() -> None:
     ("effect", "sign"),
     [
         (LAG, 1.0),
-        (WEAKER, 1.0),
         (DRAG, -1.0),
         (Effect(name="cross_slope", parameters={"k": -0.5}), 0.0),
         (PATCH, None),
-        (Effect(name="directional_surface", parameters={"k": 0.05, "direction": 1.0}), None),
-        (Effect(name="session_drift", parameters={"k": 1e-5}), None),
+        *(
+            pytest.param(effect, sign, marks=pytest.mark.nightly)
+            for effect, sign in (
+                (WEAKER, 1.0),
+                (
+                    Effect(name="directional_surface", parameters={"k": 0.05, "direction": 1.0}),
+                    None,
+                ),
+                (Effect(name="session_drift", parameters={"k": 1e-5}), None),
+            )
+        ),
     ],
 )
 def test_effects_that_only_reduce_force_make_no_stop_shorter(
