@@ -81,7 +81,7 @@ STOPS |= dict.fromkeys(("clean", "drift", "bias", "cross", "ambient"), 36)
 """Stops of logs that need more than the others, or fewer."""
 AT_NIGHT = (
     *("places", "lag_and_drag", "pair", "build_up", "waves", "crests", "lockup"),
-    *("drag", "fade", "slow_drag", "patch", "step"),
+    *("drag", "fade", "slow_drag", "step"),
 )
 
 

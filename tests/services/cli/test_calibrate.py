@@ -400,6 +400,9 @@ def test_discrepancy_names_the_effect_and_adds_it_to_the_model(step: Path) -> No
     findings = json.loads((step / "discrepancy.json").read_text())
     assert findings["verdict"] == "missing_effect"
     assert [effect["name"] for effect in findings["effects"]] == ["step_change"]
+    scale, run = (findings["effects"][0]["parameters"][name] for name in ("scale", "run"))
+    assert abs(scale["value"] - 0.85) < 4.0 * scale["std"]
+    assert abs(run["value"] - 25.0) <= 2.0
     assert findings["next_experiment"]["text"]
     assert [e.name for e in read_model(step / "model.toml").effect] == ["step_change"]
     (effect,) = tomllib.loads((step / "model.toml").read_text())["effect"]
