@@ -86,7 +86,7 @@ class ParameterEndpoint:
         self._session, self._config, self._service = session, config, service
         self._counters, self._listener = counters, listener
         max_bytes = int(config.learning.observation_bytes)
-        self._endpoint = Endpoint(counters, max_bytes, self._report_fault)
+        self._endpoint = Endpoint(counters, max_bytes)
         self._queue = FairQueue[_Received](config.learning.queue)
         self._alive: dict[str, bool] = {}
         self._alive_lock = threading.Lock()
@@ -146,10 +146,9 @@ class ParameterEndpoint:
             if displaced.item.kind in KINDS:
                 self._counters["observations_lost"] += 1
                 self._lost_at = time.monotonic()
-            if isinstance(displaced.item.message, zenoh.Query):
-                if not self._queue.reject(displaced):
-                    self._counters["queries_lost"] += 1
-                self._queue.interrupt()
+            is_query = isinstance(displaced.item.message, zenoh.Query)
+            if is_query and not self._queue.reject(displaced):
+                self._counters["queries_lost"] += 1
 
         return put
 
@@ -162,7 +161,6 @@ class ParameterEndpoint:
         with self._alive_lock:
             # Not part of the queue: tokens are never lost, and only the last one matters.
             self._alive[name] = sample.kind == zenoh.SampleKind.PUT
-        self._queue.interrupt()
 
     # ------------------------------------------------------------------ own thread
 
@@ -226,10 +224,11 @@ class ParameterEndpoint:
         with item if isinstance(item, zenoh.Query) else nullcontext():
             if kind == PARAMS:
                 for key, name in self._names_by_key(item.key_expr).items():
-                    self._endpoint.answer(item, key, self._handler(kind, name))
+                    self._endpoint.answer(item, key, self._handler(kind, name), self._report_fault)
                 return
             key = self._key_of(kind)
-            reply = self._endpoint.answer(item, key, self._handler(kind, key, arrived))
+            handler = self._handler(kind, key, arrived)
+            reply = self._endpoint.answer(item, key, handler, self._report_fault)
             if kind in KINDS and reply.status in (REFUSED, "error"):
                 _log.info("%s: %s", key, reply.reason)
 

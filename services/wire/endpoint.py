@@ -56,26 +56,24 @@ class ReceivedQuery:
     encoding: str
 
 
-def log_fault(what: str) -> str:
-    """Log the exception that a request raised; returns the reason for its sender."""
-    _log.exception("%s could not be answered: internal error", what)
-    return "fault of the service"
-
-
 class Endpoint:
     """Common steps of all components that answer requests; call it from one thread."""
 
-    def __init__(
-        self, counters: Counter[str], max_bytes: int, report_fault: Callable[[str], str] = log_fault
-    ) -> None:
+    def __init__(self, counters: Counter[str], max_bytes: int) -> None:
         """Answer; ``counters`` count malformed requests and lost replies."""
         self._counters, self._max_bytes = counters, max_bytes
-        self._report_fault = report_fault
 
     def answer(
-        self, item: zenoh.Query | zenoh.Sample, key: str, handler: Handler[Request, Reply]
+        self,
+        item: zenoh.Query | zenoh.Sample,
+        key: str,
+        handler: Handler[Request, Reply],
+        report_fault: Callable[[str], str],
     ) -> Reply:
-        """Handle what arrived, send the reply on ``key`` if it is a query, and return it."""
+        """Handle what arrived, send the reply on ``key`` if it is a query, and return it.
+
+        ``report_fault``: reports the exception that a request raised; the reason for its sender.
+        """
         written = codec.format_of(str(item.encoding or ""), handler.reply_format)
         what = f"a request on {key}"
         try:
@@ -88,7 +86,7 @@ class Endpoint:
             reply = handler.failure(str(error))
             payload = codec.payload_of(reply, written)
         except Exception:  # noqa: BLE001 - reported and answered; the process has to live
-            reply = handler.failure(self._report_fault(what))
+            reply = handler.failure(report_fault(what))
             payload = codec.payload_of(reply, written)
         if isinstance(item, zenoh.Query):
             self.send(item, key, payload)

@@ -129,7 +129,7 @@ class FairQueue(Generic[T]):
         self._driving_done = threading.Condition(self._lock)
         self._alarm = threading.Condition(self._lock)
         self._wakes_at = math.inf
-        self._is_interrupted = self._is_closed = False
+        self._is_closed = False
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -166,16 +166,12 @@ class FairQueue(Generic[T]):
     def take(
         self, *, only_driving: bool = False, timeout: float | None = None
     ) -> Waiting[T] | None:
-        """The next entry to work on; None once closed, interrupted, or after a timeout [s].
+        """The next entry to work on; None once closed, or after a timeout [s].
 
         ``only_driving``: of clients that drive; the worker calls :meth:`done` afterwards.
         """
         with self._lock:
-            self._arrival.wait_for(
-                lambda: self._is_closed or self._is_interrupted or self._eligible(only_driving),
-                timeout,
-            )
-            self._is_interrupted = False
+            self._arrival.wait_for(lambda: self._is_closed or self._eligible(only_driving), timeout)
             eligible = self._eligible(only_driving)
             if self._is_closed or not eligible:
                 return None
@@ -183,12 +179,6 @@ class FairQueue(Generic[T]):
             self._begin(entry)
             self._driving_count += only_driving
             return entry
-
-    def interrupt(self) -> None:
-        """Let the worker that waits continue without an entry."""
-        with self._lock:
-            self._is_interrupted = True
-            self._arrival.notify_all()
 
     def take_before(self, entry: Waiting[T]) -> Waiting[T] | None:
         """An entry to answer before one that is being worked on; None without.

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import NamedTuple
 
 from slopewise.models.errors import ParameterError
 
@@ -99,13 +98,6 @@ class SenderClock:
         return regular and sent > 0 and self._late > STEP and ahead > STEP
 
 
-class WallTime(NamedTuple):
-    """Latest and earliest reading that the wall clock may have at one moment [s]."""
-
-    latest: float
-    earliest: float
-
-
 class WallClock:
     """Wall clock; for :data:`RECOVERY` after it was set, each of its settings may be right."""
 
@@ -117,8 +109,8 @@ class WallClock:
         self._low = self._high = self._offset
         self._set = -math.inf
 
-    def at(self, moment: float) -> WallTime:
-        """Wall time at a moment of the monotonic clock."""
+    def at(self, moment: float) -> tuple[float, float]:
+        """Earliest and latest wall time that a moment of the monotonic clock may be [s]."""
         now = self._monotonic()
         offset = self._wall() - now
         # NTP slews by less than ten times the drift of a clock.
@@ -128,7 +120,7 @@ class WallClock:
         self._offset, self._read = offset, now
         if not self.is_recovering(now):
             self._low = self._high = offset
-        return WallTime(moment + max(offset, self._high), moment + min(offset, self._low))
+        return moment + min(offset, self._low), moment + max(offset, self._high)
 
     def is_recovering(self, now: float) -> bool:
         """Return True if the clock was set within :data:`RECOVERY`."""
@@ -194,11 +186,11 @@ class Lateness:
             raise ParameterError("stamp", f"{expected}, got {stamp:g}")
         if self._wall is None:
             return 0.0
-        wall = self._wall.at(at)
-        if stamp > wall.earliest + SYNCHRONY:
-            got = f"{stamp - wall.earliest:.2f} s later than the clock here"
+        earliest, latest = self._wall.at(at)
+        if stamp > earliest + SYNCHRONY:
+            got = f"{stamp - earliest:.2f} s later than the clock here"
             raise ParameterError("stamp", f"a time that has been, got {got}")
-        return max(wall.latest - stamp, 0.0)
+        return max(latest - stamp, 0.0)
 
     def age(self, now: float) -> float:
         """Age by stamps and arrival [s]; inf before the first message."""

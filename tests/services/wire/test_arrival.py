@@ -299,8 +299,8 @@ def test_a_wall_clock_that_is_set_twice_counts_the_worst_of_all_settings() -> No
     wall = WallClock(lambda: 1000.0 + now[0] + set_by[0], lambda: now[0])
     for k, leap in enumerate((0.0, -0.3, -0.6)):
         now[0], set_by[0] = 1.0 + k, leap
-        time = wall.at(now[0])
-    assert time.latest == pytest.approx(1000.0 + now[0])
-    assert time.earliest == pytest.approx(999.4 + now[0])
+        earliest, latest = wall.at(now[0])
+    assert latest == pytest.approx(1000.0 + now[0])
+    assert earliest == pytest.approx(999.4 + now[0])
     now[0] += RECOVERY + 0.1
     assert wall.at(now[0]) == pytest.approx((999.4 + now[0],) * 2)
