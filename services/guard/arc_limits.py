@@ -43,6 +43,6 @@ def rim_speed(model: GuardModel, speed: float, yaw_rate: float) -> float:
 
 def point_speed(model: GuardModel, speed: float, yaw_rate: float) -> float:
     """Speed of the fastest point of the body, at most [m/s]."""
-    shape = model.shape
+    shape = model.vehicle.shape
     farthest = max(shape.front, shape.rear) + abs(model.turn_axis)
     return abs(speed) + abs(yaw_rate) * math.hypot(farthest, 0.5 * shape.width)

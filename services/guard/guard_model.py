@@ -20,7 +20,7 @@ from slopewise.models.force_design import corner_design
 from slopewise.models.input_errors import InputErrors, input_errors
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stop_promise import promised
-from slopewise.models.vehicle import Shape, Vehicle
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.model_file import read_model
 from slopewise.services.physics.force import NO_FRICTION_LIMIT, applied_share
 
@@ -68,8 +68,7 @@ class GuardModel(NamedTuple):
 
     promised: Model  # the model file's, its brakes as it promises them
     tables: tuple[BrakeTable, ...]  # by the model file, and as learned; the worst of them holds
-    vehicle: Vehicle  # vehicle, shape: sizes
-    shape: Shape
+    vehicle: Vehicle  # sizes
     backward: Vehicle  # the vehicle in reverse: its rear axle leads
     motion: registry.MotionTerms
     errors: InputErrors  # of pose and time
@@ -110,7 +109,6 @@ def guard_model(model: Model) -> GuardModel:
         promised=model,
         tables=(BrakeTable(*np.array(rows).T),),
         vehicle=model.vehicle,
-        shape=model.vehicle.shape,
         backward=_backward(model.vehicle),
         motion=motion,
         errors=input_errors(model.tracking, QUANTILE),

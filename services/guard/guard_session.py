@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 import zenoh
 
@@ -24,31 +23,26 @@ _PRIORITY = 20  # above ordinary processes, below the kernel's threads at 50 [SC
 _CHUNK = 4096  # read in one call [bytes]
 
 
-def request_realtime_priority() -> None:
-    """Ask for the processor before other processes; log it if that is not granted."""
+@contextmanager
+def running(settings: GuardSettings) -> Iterator[tuple[zenoh.Session, threading.Event]]:
+    """Session of a process with priority, and an event that a signal to end it sets.
+
+    An InputError if no router answers, or zenoh refuses; a missing priority is logged.
+    """
+    ours, ended = settings.zenoh, threading.Event()
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
     except (OSError, AttributeError):
         _log.warning("no priority: others on this machine may delay the guard")
-
-
-def open_session(settings: GuardSettings) -> zenoh.Session:
-    """Connect as the settings require; an InputError if no router answers, or zenoh refuses."""
-    ours = settings.zenoh
-    place = ZenohSettings(mode=ours.mode, connect=ours.connect, listen=ours.listen)
+    place = ZenohSettings(
+        mode=ours.mode, connect=ours.connect, listen=ours.listen, config=ours.config
+    )
     try:
-        return zenoh.open(zenoh_config(replace(place, config=ours.config)))
+        opened = zenoh.open(zenoh_config(place))
     except zenoh.ZError:
         where = ", ".join(ours.connect)
         raise InputError("zenoh", "connect", f"expected a router at {where}, got none") from None
-
-
-@contextmanager
-def running(settings: GuardSettings) -> Iterator[tuple[zenoh.Session, threading.Event]]:
-    """Session of a process with priority, and an event that a signal to end it sets."""
-    ended = threading.Event()
-    request_realtime_priority()
-    with open_session(settings) as session:
+    with opened as session:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ended.set())
         yield session, ended

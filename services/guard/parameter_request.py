@@ -23,45 +23,34 @@ _SILENT = "the service does not answer for its parameters"
 
 
 class ParameterRequest:
-    """Asks for all groups until there is an answer, without waiting for it."""
+    """Asks for all groups until there is an answer, in a separate thread."""
 
     def __init__(
         self, session: zenoh.Session, namespace: str, on_reply: Callable[[zenoh.Sample], None]
     ) -> None:
-        """Begin; ``on_reply`` receives a reply in one of zenoh's threads."""
+        """Begin; ``on_reply`` receives replies in that thread."""
         self._session, self._key, self._on_reply = session, f"{namespace}/v1/params", on_reply
-        self._begun, self._due = time.monotonic(), -1.0
-        self._lock = threading.Lock()
-        self._is_pending = False
+        self._begun = time.monotonic()
         self._is_silent = True  # none is absent before the first request has ended
-        self.is_answered = False  # set by the reader of the reply
+        self.is_answered = False  # set by the reader of the reply, or to end
+        self.thread = threading.Thread(target=self._ask, name="parameters", daemon=True)
 
-    def ask(self) -> None:
-        """Ask again where that is due."""
-        now = time.monotonic()
-        with self._lock:
-            if self.is_answered or self._is_pending or now < self._due:
-                return
-            self._is_pending, self._due = True, now + PERIOD
-        silent: list[bool] = []
-
-        def take(reply: zenoh.Reply) -> None:
-            silent.append(True)  # a service exists, with an answer or without one
-            if reply.ok is not None:
-                self._on_reply(reply.ok)
-
-        def end() -> None:
-            with self._lock:
-                self._is_pending, self._is_silent = False, bool(silent)
-
-        handler = zenoh.handlers.Callback(take, end)
-        self._session.get(self._key, handler=handler, timeout=PERIOD)
+    def _ask(self) -> None:
+        while not self.is_answered:
+            try:
+                replies = list(self._session.get(self._key, timeout=PERIOD))
+            except zenoh.ZError:
+                return  # the session is closed
+            self._is_silent = bool(replies)  # a service exists, with an answer or without one
+            for reply in replies:
+                if reply.ok is not None:
+                    self._on_reply(reply.ok)
+            time.sleep(PERIOD)
 
     def missing(self, *, is_required: bool) -> tuple[str, str]:
         """Reason to stand, and flag; both "" where none is."""
-        with self._lock:
-            if self.is_answered or not (self._is_silent or is_required):
-                return "", ""
+        if self.is_answered or not (self._is_silent or is_required):
+            return "", ""
         if is_required or time.monotonic() - self._begun < PATIENCE:
             return WAITING, _SILENT
         return "", _SILENT

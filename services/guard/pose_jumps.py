@@ -32,7 +32,7 @@ class PoseJumps:
 
         ``deadline``: time for which poses have to agree after a jump [s].
         """
-        shape, errors = model.shape, model.errors
+        shape, errors = model.vehicle.shape, model.errors
         half = 0.5j * shape.width
         ends = shape.front, -shape.rear
         self._corners = [end + side for end in ends for side in (half, -half)]

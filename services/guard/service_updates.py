@@ -12,6 +12,7 @@ import os
 import threading
 import time
 from collections import Counter, OrderedDict, deque
+from typing import TypeAlias
 
 import zenoh
 
@@ -19,9 +20,10 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.guard_map import map_layers
-from slopewise.services.guard.parameter_request import PERIOD, ParameterRequest
+from slopewise.services.guard.parameter_request import ParameterRequest
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
+from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.map_message import apply_update
 from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 from slopewise.services.wire.plan_messages import MapUpdate
@@ -39,6 +41,9 @@ _MAX_GROUPS, _MAX_SOURCES = 64, 64
 _MAX_BYTES = 256_000_000  # size of an update: a whole map of 32 million cells [bytes]
 
 
+Parameters: TypeAlias = ParameterGroup | ParameterReply
+
+
 class KnownMap:
     """Map that its updates result in."""
 
@@ -46,7 +51,7 @@ class KnownMap:
         # None before the first whole map, and after a lost update until the next one, for a reason
         self.map, self.reason = known, ""
         self.counters: Counter[str] = Counter()  # of updates
-        self._last: OrderedDict[tuple[str, str], int] = OrderedDict()
+        self._last = SenderTable[tuple[str, str], int | None](lambda: None, _MAX_SOURCES)
 
     def lose(self, count: int = 1, reason: str = LOST) -> None:
         """Discard the map: some updates of it are lost."""
@@ -56,11 +61,9 @@ class KnownMap:
     def take(self, update: MapUpdate) -> None:
         """Apply an update; a patch before which others may be missing discards the map."""
         sender = update.source, update.instance
-        last = self._last.pop(sender, None)
-        is_restarted = last is None and any(source == sender[0] for source, _ in self._last)
+        is_known = any(source == update.source for source, _ in self._last)
+        last = self._last.of(sender)
         self._last[sender] = update.sequence
-        if len(self._last) > _MAX_SOURCES:
-            self._last.popitem(last=False)
         if not update.patch:
             self.map, self.reason = apply_update(update, None), ""
         elif update.sequence == last:
@@ -69,7 +72,7 @@ class KnownMap:
             self.lose(max(update.sequence - last - 1, 1))
         elif self.reason:
             self.counters["map patches unused"] += 1
-        elif last is None and (update.sequence > 1 or is_restarted):
+        elif last is None and (update.sequence > 1 or is_known):
             self.lose()  # at least the one before it
         else:
             self.map = apply_update(update, self.map)
@@ -113,9 +116,11 @@ class ServiceUpdates:
     def open(self) -> None:
         """Begin to read."""
         self._reader.start()
+        self._request.thread.start()
 
     def close(self) -> None:
         """Discard waiting updates."""
+        self._request.is_answered = True
         for declared in self._declared:
             declared.undeclare()
         with self._news:
@@ -186,47 +191,38 @@ class ServiceUpdates:
 
     def _read(self) -> None:
         while True:
-            self._request.ask()  # here: it may take zenoh a moment to begin
             with self._news:
-                self._news.wait_for(self._has_news, PERIOD)
+                self._news.wait_for(self._has_news)
                 if self._closed:
                     return
                 groups, self._groups = self._groups, OrderedDict()
                 update = self._maps.popleft() if self._maps else None
                 lost, self._lost = self._lost, 0
                 reply = self._replies.popleft() if self._replies else None
-            for key, group in groups.items():
-                self._read_group(key, group)
+            for group in groups.values():
+                self._read_parameters(group, ParameterGroup)
             if reply is not None:
-                self._read_reply(reply)
+                self._read_parameters(reply, ParameterReply)
             if update is not None:
                 self._read_map(*update, lost)
 
-    def _read_group(self, key: str, sample: zenoh.Sample) -> None:
-        raw = sample.payload.to_bytes()
-        encoding = codec.encoding_of(ParameterGroup, format_of(raw))
+    def _read_parameters(self, sample: zenoh.Sample, kind: type[Parameters]) -> None:
+        """Take a published group, or the groups of a reply: what was published is newer."""
+        raw, key = sample.payload.to_bytes(), str(sample.key_expr)
         try:
-            group = codec.decode(ParameterGroup, raw, encoding, key, _MAX_BYTES)
+            encoding = codec.encoding_of(kind, format_of(raw))
+            message = codec.decode(kind, raw, encoding, key, _MAX_BYTES)
         except Exception as error:  # noqa: BLE001 - logged; maps need this thread
             _log.warning("%s: %s", key, error)
             return
-        self._published.add(group.group)
         with self._news:
-            self._new_groups.append(group)
-
-    def _read_reply(self, sample: zenoh.Sample) -> None:
-        raw, key = sample.payload.to_bytes(), str(sample.key_expr)
-        try:
-            reply = codec.decode(ParameterReply, raw, str(sample.encoding), key, _MAX_BYTES)
-        except Exception as error:  # noqa: BLE001 - logged; it is requested again
-            _log.warning("%s: %s", key, error)
-            return
-        if reply.status != "ok":
-            return
-        with self._news:
-            # What was published meanwhile is newer.
-            self._new_groups += [g for g in reply.groups if g.group not in self._published]
-            self._request.is_answered = True
+            if isinstance(message, ParameterGroup):
+                self._published.add(message.group)
+                self._new_groups.append(message)
+            elif message.status == "ok":
+                known = self._published
+                self._new_groups += [g for g in message.groups if g.group not in known]
+                self._request.is_answered = True
 
     def _read_map(self, sample: zenoh.Sample | None, at: float, lost: int) -> None:
         if lost or sample is None:

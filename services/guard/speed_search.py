@@ -53,28 +53,20 @@ def try_speeds(
     held: float,
     late: float,
     load: float,
-    at_most: float,
 ) -> SpeedVerdict:
-    """Try speeds up to the highest; the last one is that of the vehicle, on its way already.
-
-    ``at_most``: share of the command beyond which no speed has to be tried [1].
-    """
+    """Try speeds up to the highest; the last one is that of the vehicle, on its way already."""
     model, share, top = scene.model, course.share, max(course.requested, course.moving)
     clear = scene.clear / share if share else math.inf
-    count = _SPEEDS
-    if at_most * course.requested < top and course.moving < STANDSTILL:
-        count = math.ceil(_SPEEDS * at_most * course.requested / top)
-    speeds = np.append(top * np.arange(1, count + 1) / _SPEEDS, course.moving)
-    times = np.append(np.full(count, held), late)
+    speeds = np.append(top * np.arange(1, _SPEEDS + 1) / _SPEEDS, course.moving)
+    times = np.append(np.full(_SPEEDS, held), late)
     min_load = load * model.promised.limits.min_load
-    top = float(speeds[:-1].max())
     ways = courses_ahead(scene, pose, course, _course_length(model, top, held, clear))
     stops = stops_along(model, ways, speeds, times, min_load)
     # Nothing is known of what lies beyond.
     free = max(ways.end.sample - 1, 0) * ways.step
     inside = stops.distance <= min(free, clear)
     fine = (inside & stops.loaded)[:-1]
-    failed = count if fine.all() else int(np.argmin(fine))
+    failed = _SPEEDS if fine.all() else int(np.argmin(fine))
     turn = math.inf
     if share and not stops.loaded[:-1].all():
         # Lateral acceleration is speed times yaw rate, also of a vehicle that still slows down.
@@ -85,11 +77,9 @@ def try_speeds(
         fastest = model.tables[0].fastest[ways.possible].min()
         cap = min(cap, float(min(model.speed, fastest)) / share)
     allowed = float(speeds[failed - 1]) if failed else 0.0
-    if failed == count < _SPEEDS:
-        allowed = math.inf  # of those that had to be tried
     allowed = min(allowed, cap)
     brakes = course.moving >= STANDSTILL and not inside[-1]
-    k = count if brakes else failed
+    k = _SPEEDS if brakes else failed
     reason, where = "", None
     if brakes or not fine.all():
         reason, where = _reason(ways, bool(inside[k]), free, clear)

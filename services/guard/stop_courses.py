@@ -83,7 +83,7 @@ def courses_ahead(scene: GuardScene, pose: Pose2d, course: Course, length: float
     """Sample the ground along all courses for a length of the fastest wheel [m]."""
     model, share = scene.model, course.share
     turn, errors = _turns(course, length * (course.high - course.low), model.errors.heading)
-    shape, axis = model.shape, -model.turn_axis if course.forward else model.turn_axis
+    shape, axis = model.vehicle.shape, -model.turn_axis if course.forward else model.turn_axis
     corner = math.hypot(max(shape.front, shape.rear) + abs(axis), 0.5 * shape.width)
     step = SPACING / (share + corner * float(np.abs(turn).max()))
     count = math.ceil(length / step) + 1

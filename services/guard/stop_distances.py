@@ -70,7 +70,7 @@ def stops_along(
     before = np.maximum(energy, 0.0) + 2.0 * np.maximum(decel, 0.0) * step
     speed_sq = np.minimum(before, onset_sq)
     loaded = _loads(courses.vehicle, pose, speed_sq, strongest) >= min_load
-    shape = model.shape
+    shape = model.vehicle.shape
     corner = math.hypot(max(shape.front, shape.rear), 0.5 * shape.width)
     # Where the vehicle turns on the spot it is kept by the corners, which are the fastest.
     offset = tables[0].offset[possible].max()

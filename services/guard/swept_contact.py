@@ -66,7 +66,7 @@ class SweptBody:
     """
 
     def __init__(self, scene: GuardScene, poses: BodyPoses, reach: tuple[float, float]) -> None:
-        self._poses, self._clearance = poses, scene.model.shape.clearance
+        self._poses, self._clearance = poses, scene.model.vehicle.shape.clearance
         self._layers = map_layers(scene.ground, scene.model.vehicle).obstacles
         self._body = scene.model.vehicle, reach, self._layers.cell
         self._bands = _bands(scene.model.vehicle, poses, scene.model.errors)
