@@ -36,9 +36,8 @@ class State(NamedTuple):
     lane: Ints
     motion: Floats  # (4, L) station [m], speed [m/s], built-up F_b/W [1], heat of the brakes [J/kg]
     onset_speed: Floats  # speed when the brakes take hold [m/s]
-    min_loads: (
-        Floats  # (2, 3, L) lowest rear, side and wheel shares so far, and those without crests
-    )
+    # (2, 3, L) lowest rear, side and wheel shares so far, and those without crests
+    min_loads: Floats
 
     def only(self, selected: Bools) -> State:
         """Some of them."""
@@ -121,15 +120,6 @@ class StopEnds(NamedTuple):
     min_loads: Floats  # lowest shares of the level static loads
     even: Floats  # the same without crests
 
-    def worst_of(self, alternative: StopEnds) -> StopEnds:
-        """Of two courses of the same stops, the longer distances and the lower loads."""
-        return StopEnds(
-            np.maximum(self.end, alternative.end),
-            self.ended & alternative.ended,
-            np.minimum(self.min_loads, alternative.min_loads),
-            np.minimum(self.even, alternative.even),
-        )
-
 
 class StopStarts(NamedTuple):
     """Beginnings of L stops, (L,); not followed further than the station ``give_up`` [m]."""
@@ -150,7 +140,9 @@ def worst_case_stops(field: StopDynamics, starts: StopStarts) -> StopEnds:
     runs_on = steepest > field.model.terrain.motion_resistance
     if field.model.braking.drive_in_dead_time == "held" or not runs_on:
         return held
-    return held.worst_of(_driven(field, starts, cut=True))
+    worse_of = np.maximum, np.logical_and, np.minimum, np.minimum
+    cut = _driven(field, starts, cut=True)
+    return StopEnds(*(worse(*of) for worse, *of in zip(worse_of, held, cut, strict=True)))
 
 
 def nominal_stops(field: StopDynamics, starts: StopStarts) -> StopEnds:
