@@ -58,7 +58,7 @@ def test_a_fault_of_the_program_is_status_1(monkeypatch: pytest.MonkeyPatch) -> 
     assert "RuntimeError: planted" in done.stderr
 
 
-@pytest.mark.parametrize("options", [(), ("--json",)])
+@pytest.mark.parametrize("options", [(), pytest.param(("--json",), marks=pytest.mark.nightly)])
 def test_a_reader_that_has_enough_is_no_fault(world: Path, options: tuple[str, ...]) -> None:
     """As `slopewise plan … | head -1`: the files are written, the status is that of the plan."""
     arguments = ["plan", "map.npz", "paths.csv", "-m", "atv", "--out", "plan.csv", *options]
