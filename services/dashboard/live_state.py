@@ -24,7 +24,7 @@ class ProposalEntry:
     """The newest finding, its status, and the next step of an operator, "" for none."""
 
     offer: ModelProposal
-    state: str  # offered, adopted, reverted, refused or nothing
+    state: str  # offered, adopted, refused or nothing
     message: str  # who made it so, or why
     purpose: str = ""
     command: str = ""

@@ -7,7 +7,6 @@ import logging
 import shlex
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import islice
 
 from slopewise.services.dashboard.live_state import MAX_ENTRIES, LiveState, ProposalEntry
@@ -17,7 +16,6 @@ from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.parameters.store import StoreError
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.connect import options
-from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.parameter_messages import (
     HistoryEntry,
     ParameterGroup,
@@ -27,16 +25,6 @@ from slopewise.services.wire.parameter_messages import (
 _log = logging.getLogger("slopewise")
 
 _MAX_STEPS = 50  # past changes that are examined [1], more than operators make of one finding
-
-
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """Proposal, and id of the finding in use, from a version on."""
-
-    version: int
-    who: str
-    offer: ModelProposal | None
-    adopted: str
 
 
 class ParameterFeed:
@@ -89,73 +77,39 @@ class ParameterFeed:
 
 
 def newest_proposal(service: ParameterService, address: Sequence[str]) -> ProposalEntry | None:
-    """The newest finding with its status, from the history; None before there was one.
+    """The finding that waits or is planned with, with its status; None without one.
 
     A restart changes none of it except a refusal. ``address``: options of a command that reaches
     the service.
     """
-    steps = _steps(service)
-    # A roll back to an older proposal does not make that the newest.
-    offers = {(s.offer.id, s.offer.at): s.offer for s in steps if s.offer is not None}
-    if not offers:
+    effects, last = service.learner.state.effects, service.history.last.get(EFFECTS)
+    offer = effects.proposal
+    if last is None or offer is None:
         return None
-    offer = list(offers.values())[-1]
-    while steps[0].offer != offer:
-        del steps[0]
-    now, version = steps[-1], _version_to_restore(steps, offer)
-    rollback = f"slopewise params {EFFECTS} --rollback {version}" if version else ""
-    if now.adopted == offer.id:
-        state, message = "adopted", f"by {now.who}, version {now.version}"
-        purpose, command = "take it back", rollback
+    purpose, command = "adopt it", offer.command()
+    if effects.adopted == offer.id:
+        state, message = "adopted", f"by {last.who}, version {last.version}"
+        purpose, command = "take it back", _rollback(service, offer.id, last.version)
+    elif service.rejected[0] == offer.id:
+        state, message = "refused", service.rejected[1]
+    elif offer.obstacle:
+        state, message = "refused" if offer.changes else "nothing", offer.obstacle
     else:
-        state, message = _status_unused(steps, offer, service.rejected)
-        message += f"; plans use the finding {now.adopted}" if now.adopted else ""
-        purpose, command = "bring it back", rollback
-        if now.offer == offer:
-            purpose, command = "adopt it", offer.command()
+        state, message = "offered", "waits for an operator"
+    if effects.adopted not in ("", offer.id):
+        message += f"; plans use the finding {effects.adopted}"
     if not command:
         return ProposalEntry(offer, state, message)
     command = shlex.join([*shlex.split(command), *address])
     return ProposalEntry(offer, state, message, purpose, command)
 
 
-def _steps(service: ParameterService) -> list[_Step]:
-    """Changes of proposals and findings, oldest first; the last one is the present."""
-    effects, last = service.learner.state.effects, service.history.last.get(EFFECTS)
-    if last is None:
-        return []
-    steps = [_Step(last.version, last.who, effects.proposal, effects.adopted)]
-    # Without a store nothing can be rolled back: the present is all there is.
+def _rollback(service: ParameterService, adopted: str, version: int) -> str:
+    """Command that goes back to before a finding was adopted; "" without a store."""
+    effects = service.learner.state.effects
     with contextlib.suppress(StoreError):
-        changes = service.history.newest(EFFECTS, last.version - 1)
-        for change, state in islice(changes, _MAX_STEPS):
+        for change, state in islice(service.history.newest(EFFECTS, version - 1), _MAX_STEPS):
             with contextlib.suppress(ValueError, KeyError, TypeError):
-                steps.append(_Step(change.version, change.who, *effects.read(state)))
-    return steps[::-1]
-
-
-def _version_to_restore(steps: Sequence[_Step], offer: ModelProposal) -> int:
-    """Version from before it was adopted, else where it was adopted last, or offered; 0: none."""
-    past = steps[:-1]
-    adopted = [step.version for step in past if step.adopted == offer.id]
-    if steps[-1].adopted == offer.id:
-        versions = [step.version for step in past if step.adopted != offer.id]
-    else:
-        versions = adopted or [step.version for step in past if step.offer == offer]
-    return max(versions, default=0)
-
-
-def _status_unused(
-    steps: Sequence[_Step], offer: ModelProposal, rejected: tuple[str, str]
-) -> tuple[str, str]:
-    """State and message of a finding that is not in use."""
-    if rejected[0] == offer.id:
-        return "refused", rejected[1]
-    adopted = [step.adopted == offer.id for step in steps]
-    held = adopted if any(adopted) else [step.offer == offer for step in steps]
-    if not held[-1]:
-        step = next(s for s, h in zip(steps[::-1], held[-2::-1], strict=False) if h)
-        return "reverted", f"by {step.who}, version {step.version}"
-    if offer.obstacle:
-        return "refused" if offer.changes else "nothing", offer.obstacle
-    return "offered", "waits for an operator"
+                if effects.read(state)[1] != adopted:
+                    return f"slopewise params {EFFECTS} --rollback {change.version}"
+    return ""

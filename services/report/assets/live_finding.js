@@ -1,6 +1,6 @@
 // The model change proposed from stored stops: adopted and reverted on a command line, never here.
 
-const BADGES = { adopted: "ok", nothing: "ok", refused: "infeasible", offered: "offered", reverted: "reverted" };
+const BADGES = { adopted: "ok", nothing: "ok", refused: "infeasible", offered: "offered" };
 let shownFinding = "";
 
 function showFinding(finding) {

@@ -205,7 +205,7 @@ def check_finding(robot: Robot, url: str, where: tuple[str, ...]) -> None:
     assert history[0]["cause"].startswith(f"adopted {offer['id']}")
     assert any(h["cause"].startswith(f"offered {offer['id']}") for h in history)
     assert typed(adopted["command"]).returncode == 0
-    again = wait(url, "reverted")["command"]
+    again = wait(url, "offered")["command"]
     assert robot.group("effects")["values"] == {}
     assert stopping(robot) == pytest.approx(before, abs=0.02)
     assert typed(again).returncode == 0
