@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytest.importorskip("foxglove", reason="the viz extra is not installed")
+
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.scene import drawing
+from slopewise.services.scene import foxglove_file
 from tests.world.ground import plane, straight
 from tests.world.vehicles import ATV, model_of
 
@@ -31,31 +33,32 @@ def planned() -> tuple[ElevationMap, list[SpeedPlan], Model]:
 def test_a_surface_has_holes_where_ground_is_unknown() -> None:
     heights = np.add.outer(0.1 * np.arange(6), 0.2 * np.arange(5))
     heights[2, 2] = np.nan
-    mesh = drawing.surface(ElevationMap(elevation=heights, resolution=0.5, origin=(3.0, -1.0)))
-    assert mesh.vertices.shape == (29, 3)
-    x, y, z = mesh.vertices.T
+    ground = ElevationMap(elevation=heights, resolution=0.5, origin=(3.0, -1.0))
+    vertices, triangles, *_ = foxglove_file.mesh(ground)
+    assert vertices.shape == (29, 3)
+    x, y, z = vertices.T
     np.testing.assert_allclose(z, 0.2 * (y + 1.0) + 0.4 * (x - 3.0), atol=1e-12)
-    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
     area = 0.5 * np.cross(b - a, c - a)[:, 2]
     np.testing.assert_allclose(area, 0.125)  # all seen from above, half a cell each
     # Six of the eight half cells around the unknown corner's four cells are holes: those with it.
-    assert len(mesh.triangles) == 2 * 20 - 6
+    assert len(triangles) == 2 * 20 - 6
     middles = (a + b + c)[:, :2] / 3.0
     assert not np.any(np.hypot(*(middles - [4.0, 0.0]).T) < 0.2)
 
 
 def test_large_ground_is_drawn_coarser() -> None:
     ground = ElevationMap(elevation=np.zeros((300, 400)), resolution=0.5, origin=(0.0, 0.0))
-    mesh = drawing.surface(ground, max_vertices=1000)
-    assert len(mesh.vertices) <= 1200
-    assert mesh.vertices[:, 0].max() > 0.95 * ground.extent[1]
+    vertices = foxglove_file.mesh(ground, max_vertices=1000)[0]
+    assert len(vertices) <= 1200
+    assert vertices[:, 0].max() > 0.95 * ground.extent[1]
 
 
 def test_colours_follow_speed_as_far_as_a_plan_drives(planned: Any) -> None:
     ground, plans, model = planned
     (stopped,) = CandidatePlanner(model).plan(ground, [straight(20.0)], clear=8.0)
-    _, colours = drawing.ribbon(stopped, drawing.fastest_of(plans))
-    is_driven = np.any(colours != drawing.NOT_DRIVEN, axis=1)
+    colours = foxglove_file.colours_of(stopped, max(plan.speed.max() for plan in plans))
+    is_driven = np.any(colours != foxglove_file.NOT_DRIVEN, axis=1)
     assert stopped.station[is_driven][-1] == pytest.approx(stopped.progress)
     np.testing.assert_array_equal(is_driven, stopped.station <= stopped.progress + 1e-9)
     top = int(np.argmax(stopped.speed))
@@ -67,7 +70,7 @@ def test_attitude_follows_the_ground(planned: Any) -> None:
     heights = np.broadcast_to(0.05 * np.arange(60.0), (60, 60))
     ground = ElevationMap(elevation=heights, resolution=0.5, origin=(-5.0, -15.0))
     (plan,) = CandidatePlanner(planned[2]).plan(ground, [straight(20.0)])
-    x, y, z, w = drawing.drive(plan).quaternion[5]
+    x, y, z, w = foxglove_file.attitudes(plan)[5]
     ahead = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)])
     np.testing.assert_allclose(ahead, np.array([1.0, 0.0, 0.1]) / np.hypot(1.0, 0.1), atol=1e-6)
 
@@ -98,12 +101,9 @@ def messages_in(path: Path) -> dict[str, list[tuple[int, Any]]]:
 
 
 def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
-    pytest.importorskip("foxglove", reason="the viz extra is not installed")
-    from slopewise.services.scene.foxglove_file import write_mcap
-
     ground, plans, model = planned
     file = tmp_path / "plan.mcap"
-    write_mcap(file, ground, plans, model.vehicle, BEGIN)
+    foxglove_file.write_mcap(file, ground, plans, model.vehicle, BEGIN)
     messages = messages_in(file)
     assert set(messages) == {"/map", "/candidates", "/vehicle", "/tf", "/plan"}
     ((_, scene),) = messages["/candidates"]
