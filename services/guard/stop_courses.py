@@ -17,7 +17,7 @@ from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.recent import Recent
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_map import SPACING, classes_at, map_layers
-from slopewise.services.guard.guard_model import GuardScene
+from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.swept_contact import BodyPoses, Contact, SweptBody
 from slopewise.services.physics.body import plane_of, wheel_places
 from slopewise.services.physics.surfaces import possible_surfaces
@@ -25,6 +25,10 @@ from slopewise.services.physics.surfaces import possible_surfaces
 _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
+
+_NEAR = 16
+"""Samples of the first block [1]: behind the first contact none is needed, and most contacts are
+close. The rest is one block, because a block costs as much as thirty samples."""
 
 _MAX_COURSES = 24  # more than turns of half a revolution need [1]
 
@@ -80,7 +84,10 @@ class StopCourses(NamedTuple):
 
 
 def courses_ahead(scene: GuardScene, pose: Pose2d, course: Course, length: float) -> StopCourses:
-    """Sample the ground along all courses for a length of the fastest wheel [m]."""
+    """Sample the ground along all courses for a length of the fastest wheel [m].
+
+    What lies behind the first contact is not sampled.
+    """
     model, share = scene.model, course.share
     turn, errors = _turns(course, length * (course.high - course.low), model.errors.heading)
     shape, axis = model.vehicle.shape, -model.turn_axis if course.forward else model.turn_axis
@@ -88,31 +95,52 @@ def courses_ahead(scene: GuardScene, pose: Pose2d, course: Course, length: float
     step = SPACING / (share + corner * float(np.abs(turn).max()))
     count = math.ceil(length / step) + 1
     station = step * np.arange(count, dtype=np.float64)
-    x, y, yaw, cos, sin = _poses(pose, course, axis, turn, station, errors)
-    ground = _wheel_ground(scene, (x, y, cos, sin), share * step)
-    poses = BodyPoses(x, y, cos, sin, ground.planes, turn, share, axis)
+    placed, planes = np.empty((5, len(turn), len(station))), np.empty((3, len(turn), len(station)))
+    x, y, yaw, cos, sin = placed
+    poses = BodyPoses(x, y, cos, sin, planes, turn, share, axis)
     reach = (shape.front, shape.rear) if course.forward else (shape.rear, shape.front)
-    end = SweptBody(scene, poses, reach).first_contact()
-    k = int(np.argmax(ground.steep))
-    if ground.steep[k] and k < end.sample:
-        end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
+    ground, body = _WheelPlanes(scene, poses, step), SweptBody(scene, poses, reach)
+    known, size, posed, end = 0, _NEAR, 0, Contact(0, "", None)
+    while known < count and not end.reason:
+        block = slice(known, min(known + size, count))
+        new = slice(posed, block.stop)
+        placed[..., new] = _poses(pose, course, axis, turn, station[new], errors)
+        # Where ground is unknown at the start, what is known farther ahead is continued back.
+        posed, size = new.stop, count
+        known = ground.sample(block, is_last=block.stop == count)
+        if known == 0:
+            continue
+        block = slice(block.start, known)
+        end = body.first_contact(block)
+        k = ground.first_steep(block)
+        if k < end.sample:
+            end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
     # What lies behind the end does not matter to stops before it.
-    count = min(end.sample + 1, count)
-    # The outermost courses, the middle one and the command's.
-    chosen = sorted(
-        {int(np.argmin(turn)), (len(turn) - 1) // 2, int(np.argmax(turn)), len(turn) - 1}
-    )
+    reached = yaw[:, : min(end.sample + 1, count)]
+    courses = _outermost(model, poses, reached, ground, step, end)
+    return courses if course.forward else courses._replace(vehicle=model.backward)
+
+
+def _outermost(
+    model: GuardModel,
+    poses: BodyPoses,
+    yaw: Floats,
+    ground: _WheelPlanes,
+    step: float,
+    end: Contact,
+) -> StopCourses:
+    """Courses for stops, as far as directions of motion yaw (N, S) are given [rad]."""
+    last, count = len(yaw) - 1, yaw.shape[1]
+    turn, share = poses.turn, poses.share
+    chosen = sorted({int(np.argmin(turn)), last // 2, int(np.argmax(turn)), last})
     some = (..., chosen, None, slice(count))
-    grade, roll = np.arctan(ground.planes[1][some]), np.arctan(ground.planes[2][some])
+    grade, roll = np.arctan(poses.planes[1][some]), np.arctan(poses.planes[2][some])
     curvature = _vertical_curvature(grade, share, step, model.vehicle.wheelbase)
-    under = ground.under[..., :count]
-    # Classes are few: counting them takes less than sorting.
-    classes = np.bincount(under.ravel(), minlength=len(ground.may_be)) > 0
-    possible = np.flatnonzero(ground.may_be[classes].any(axis=0))
-    vehicle = model.vehicle if course.forward else model.backward
-    at = turn[chosen, None], grade, roll, curvature, x[some], y[some], yaw[some]
+    under, possible = ground.surfaces(count)
+    at = turn[chosen, None], grade, roll, curvature, poses.x[some], poses.y[some], yaw[some]
     under = under[..., chosen, None, :]
-    return StopCourses(step, share, vehicle, *at, under, ground.may_be, possible, end)
+    may_be, vehicle = ground.may_be, model.vehicle
+    return StopCourses(step, share, vehicle, *at, under, may_be, possible, end)
 
 
 def _turns(course: Course, span: float, heading: float) -> tuple[Floats, Floats]:
@@ -157,59 +185,90 @@ def _poses(
 _may_be: Recent[Bools] = Recent(2)  # see :func:`possible_surfaces`
 
 
-class _WheelGround(NamedTuple):
-    """Ground under the wheels on N courses of S samples."""
+class _WheelPlanes:
+    """Planes of the wheels on N courses of S samples, written block by block."""
 
-    planes: Floats  # (3, N, S) see :class:`BodyPoses`
-    under: Ints  # (4, N, S) class of the map under each wheel; (1, N, S) of one class
-    may_be: Bools  # see :class:`StopCourses`
-    steep: Bools  # (S,) steeper on some course than a surface was trained on
+    def __init__(self, scene: GuardScene, poses: BodyPoses, step: float) -> None:
+        self._vehicle, self._ground, table = (
+            scene.model.vehicle,
+            scene.ground,
+            scene.model.tables[0],
+        )
+        self._poses, self._planes, self._step = poses, poses.planes, poses.share * step
+        self._felt = map_layers(self._ground, self._vehicle).wheels
+        surfaces, names = scene.model.promised.braking.terrain, self._ground.class_names
+        self.may_be = _may_be.get(lambda: possible_surfaces(surfaces, names), surfaces, names)
+        # Rise and cross rise (2, C) that each class was trained on.
+        low = np.array((table.grade_min, table.roll_min))[:, None]
+        high = np.array((table.grade_max, table.roll_max))[:, None]
+        self._lowest = np.tan(np.where(self.may_be, low, -np.inf).max(axis=2))
+        self._highest = np.tan(np.where(self.may_be, high, np.inf).min(axis=2))
+        self._gentle = self._lowest.max(axis=1), self._highest.min(axis=1)  # of all classes
+        self._under: list[Ints] = []
 
+    def sample(self, block: slice, *, is_last: bool) -> int:
+        """Write a block of samples, up to the first steep one; the count that is known then.
 
-def _wheel_ground(scene: GuardScene, pose: tuple[Floats, ...], step: float) -> _WheelGround:
-    """Ground under poses x, y, cos and sin, (N, S) each, whose middles are a step apart [m]."""
-    vehicle, ground, table = scene.model.vehicle, scene.ground, scene.model.tables[0]
-    surfaces, names = scene.model.promised.braking.terrain, ground.class_names
-    may_be = _may_be.get(lambda: possible_surfaces(surfaces, names), surfaces, names)
-    felt, wheels = map_layers(ground, vehicle).wheels, wheel_places(vehicle, pose)
-    z, under = felt.at(*wheels), classes_at(ground, *wheels)
-    # Rise and cross rise (2, C) that each class was trained on.
-    low = np.array((table.grade_min, table.roll_min))[:, None]
-    high = np.array((table.grade_max, table.roll_max))[:, None]
-    lowest = np.tan(np.where(may_be, low, -np.inf).max(axis=2))
-    highest = np.tan(np.where(may_be, high, np.inf).min(axis=2))
+        0 where ground is unknown at the start, unless the block is the last one.
+        """
+        x, y, cos, sin = (of[:, block] for of in self._poses[:4])
+        wheels = wheel_places(self._vehicle, (x, y, cos, sin))
+        z, under = self._felt.at(*wheels), classes_at(self._ground, *wheels)
+        self._set(block, z)
+        is_unknown = block.start == 0 and bool(np.isnan(self._planes[0, :, 0]).any())
+        if is_unknown and not is_last:
+            return 0
+        steep = self._too_steep(block, under)
+        count = int(np.argmax(steep.any(axis=0)))
+        if count > 0:  # most contacts come before it
+            block, steep = slice(block.start, block.start + count), steep[:, :count]
+        elif steep[:, 0].any():  # it may be the edge of a crack that tyres bridge
+            x, y = (of[:, steep] for of in wheels)
+            z[:, steep] = self._felt.contact(x, y, cos[steep], sin[steep])
+            self._set(block, z)
+            steep = self._too_steep(block, under)
+        if is_unknown:
+            np.nan_to_num(self._planes[..., block], copy=False)
+        self._under.append(under[..., : steep.shape[1]])
+        self._steep = steep
+        return int(block.stop)
 
-    def sampled() -> tuple[Floats, Bools]:
-        planes = _planes(z, vehicle, step)
-        steep = np.zeros(z.shape[1:], np.bool_)
-        for slope, low, high in zip(planes[1:], lowest, highest, strict=True):
-            steep |= slope < low[under].max(axis=0)
-            steep |= slope > high[under].min(axis=0)
-        return planes, steep
-
-    planes, steep = sampled()
-    if steep.any():  # it may be the edge of a crack that tyres bridge
-        x, y = (of[:, steep] for of in wheels)
-        z[:, steep] = felt.contact(x, y, pose[2][steep], pose[3][steep])
-        planes, steep = sampled()
-    anywhere: Bools = np.any(steep, axis=0)
-    return _WheelGround(np.nan_to_num(planes, copy=False), under, may_be, anywhere)
-
-
-def _planes(z: Floats, vehicle: Vehicle, step: float) -> Floats:
-    """(3, N, S) planes of wheels at heights z (4, N, S); where one is unknown, the first known.
-
-    It is continued ahead and back; NaN where none is known.
-    """
-    planes: Floats = np.array((z.mean(axis=0), *plane_of(z, vehicle)))
-    known = np.isfinite(planes[1])
-    if not known.all():
-        first = np.argmax(known, axis=1)
-        height, rise, cross_rise = planes[:, np.arange(len(known)), first, None]
-        height = height + step * rise * (np.arange(known.shape[1]) - first[:, None])
-        for of, value in zip(planes, (height, rise, cross_rise), strict=True):
+    def _set(self, block: slice, z: Floats) -> None:
+        """Write the planes of wheels at heights z (4, N, B); where one is unknown, the first."""
+        part = self._planes[..., block]
+        part[0], part[1:] = z.mean(axis=0), plane_of(z, self._vehicle)
+        known = np.isfinite(part[1])
+        if known.all():
+            return
+        first = np.argmax(known, axis=1) * (block.start == 0)
+        height, rise, cross_rise = self._planes[:, np.arange(len(known)), first, None]
+        further = block.start + np.arange(known.shape[1]) - first[:, None]
+        height = height + self._step * rise * further
+        for of, value in zip(part, (height, rise, cross_rise), strict=True):
             np.copyto(of, value, where=~known)
-    return planes
+
+    def _too_steep(self, block: slice, under: Ints) -> Bools:
+        slopes = self._planes[1:, :, block]
+        steep: Bools = np.zeros(slopes.shape[1:], np.bool_)
+        low, high = slopes.min(axis=(1, 2)), slopes.max(axis=(1, 2))
+        if np.all(low >= self._gentle[0]) and np.all(high <= self._gentle[1]):
+            return steep
+        for slope, lowest, highest in zip(slopes, self._lowest, self._highest, strict=True):
+            steep |= slope < lowest[under].max(axis=0)
+            steep |= slope > highest[under].min(axis=0)
+        return steep
+
+    def first_steep(self, block: slice) -> int:
+        """First sample of a block that is steeper than a surface was trained on, S without one."""
+        steep = np.flatnonzero(self._steep.any(axis=0))
+        return int(block.start + steep[0] if len(steep) else self._planes.shape[2])
+
+    def surfaces(self, count: int) -> tuple[Ints, Ints]:
+        """Classes under the wheels (4 or 1, N, count), and all surfaces that they may be."""
+        under = np.concatenate(self._under, axis=-1)[..., :count]
+        # Classes are few: counting them takes less than sorting.
+        counts = np.bincount(under.ravel(), minlength=len(self.may_be))
+        return under, np.flatnonzero(self.may_be[counts > 0].any(axis=0))
 
 
 def _vertical_curvature(grade: Floats, share: float, step: float, wheelbase: float) -> Floats:

@@ -34,7 +34,9 @@ _FACET = math.sqrt(2.0)
 _SHARES = 0.75, 0.5, 0.25, 0.0
 """Shares of the errors of the pose that are tried next to obstacles [1]."""
 
-_MIN_SAMPLES = 8  # that are looked up together at first [1]: most may lie behind the first contact
+_TOGETHER, _MIN_SAMPLES = 600, 16
+"""Poses whose tiles are looked up together at first, for as many samples at least, and tiles whose
+points are [1]: most may lie behind the first contact."""
 
 
 class BodyPoses(NamedTuple):
@@ -66,6 +68,7 @@ class SweptBody:
     """
 
     def __init__(self, scene: GuardScene, poses: BodyPoses, reach: tuple[float, float]) -> None:
+        """Planes of the poses may be written until they are asked for."""
         self._poses, self._clearance = poses, scene.model.vehicle.shape.clearance
         self._layers = map_layers(scene.ground, scene.model.vehicle).obstacles
         self._body = scene.model.vehicle, reach, self._layers.cell
@@ -74,41 +77,41 @@ class SweptBody:
         self._in_cells: Floats = np.empty((8, *poses.x.shape), np.float32)
         self._touches = False
 
-    def first_contact(self) -> Contact:
-        """First contact on any of the courses."""
-        self._place()
-        if self._is_touched():
+    def first_contact(self, block: slice) -> Contact:
+        """First contact at a block of samples; blocks are asked for in their order."""
+        self._place(block)
+        if block.start == 0 and self._is_touched():
             # What is closer than the next cell is judged by the cells alone, or nothing could
             # leave it.
             self._touches = True
-            self._place()
+            self._place(block)
             if (approached := self._approached()) is not None:
                 return approached
-        first, count = 0, self._poses.x.shape[1]
-        while first < count:
-            # Behind the first contact, which is close mostly, none is looked up.
-            block = slice(first, first + max(first, _MIN_SAMPLES))
-            if (contact := self._contact(*self._near_tiles(block))) is not None:
-                return contact
-            first = block.stop
+        first, count = block.start, max(_TOGETHER // len(self._poses.x), _MIN_SAMPLES)
+        while first < block.stop:
+            tiles = self._near_tiles(slice(first, min(first + count, block.stop)))
+            for k in range(0, len(tiles[0]), _TOGETHER):
+                if (contact := self._contact(*(of[k : k + _TOGETHER] for of in tiles))) is not None:
+                    return contact
+            first, count = first + count, 2 * count
         return Contact(self._poses.x.shape[1], "", None, self._touches)
 
-    def _place(self) -> None:
+    def _place(self, block: slice) -> None:
         """Write poses (8, N, S): x, y [cells], cos, sin, lowest underside [m], slopes, turn.
 
         Ground above the underside of the middle strikes the body there; heights are above the datum
         of the layers.
         """
         layers, poses = self._layers, self._poses
-        x, y, cos, sin = poses[:4]
-        height, rise, cross_rise = poses.planes
+        x, y, cos, sin = (of[:, block] for of in poses[:4])
+        height, rise, cross_rise = poses.planes[..., block]
         slope = np.hypot(rise, cross_rise)
         # The vertical below the body is longer than the clearance by the slope.
         lowest = height - layers.datum + (self._clearance + layers.noise) * np.sqrt(1.0 + slope**2)
         lowest += (0.5 if self._touches else 1.0) * _FACET * layers.cell * slope
         x, y = (x - layers.origin[0]) / layers.cell, (y - layers.origin[1]) / layers.cell
         rows = x, y, cos, sin, lowest, rise, cross_rise, poses.turn
-        for row, values in zip(self._in_cells, rows, strict=True):
+        for row, values in zip(self._in_cells[..., block], rows, strict=True):
             row[...] = values
 
     def _is_touched(self) -> bool:
