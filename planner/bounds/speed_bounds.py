@@ -1,7 +1,8 @@
 """Speed bounds along candidates: how fast each station may be passed, and what says so.
 
 They are found in the core: the bounds of a single station in `core/bounds/pointwise.hpp`, the
-stopping path, which looks ahead, in `stop_sums.hpp` and, stop by stop, in `integrated_stop.hpp`.
+stopping path, which looks ahead, in `closed_form_stop.hpp` and, stop by stop, in
+`integrated_stop.hpp`.
 
 An emergency stop is written three times, and no two share a line: here as a *bound*, the highest
 speed of a station; in :mod:`slopewise.planner.verify` as the *judge* of a finished plan, in a

@@ -37,14 +37,6 @@ struct ProfileProblem {
   Numbers demand;          // thrust that holds the speed, over weight [1]
   Numbers lift, lift_per_speed_sq;  // lift − lift_per_speed_sq v² by front wheels in turns [m/s²], [1/m]
   Rows<double> speed_sq;   // out, v² of the profile [m²/s²]
-
-  // Candidates from this one on.
-  [[nodiscard]] ProfileProblem from(Index first) const noexcept {
-    return {stations, candidates - first, station.from(first), speed_sq_max.from(first),
-            sin_grade.from(first), lower_slope.from(first), lower_intercept.from(first),
-            slowest.from(first), accel_max.from(first), demand.from(first), lift.from(first),
-            lift_per_speed_sq.from(first), speed_sq.from(first)};
-  }
 };
 
 // One station back at service deceleration, or at what the brakes can slow down from.
@@ -141,47 +133,35 @@ inline void rest_for_good(double* speed_sq, Index stations, Index stride = 1) no
 
 // `reachable_start_sq` (M,) receives the highest v² at the first station from which the bounds can
 // still be kept; below `start_sq` the profile begins there all the same.
-inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limits,
+inline void solve_time_optimal(const ProfileProblem& p, const Limits& limits,
                                const double* start_sq, double* reachable_start_sq) noexcept {
-  for_each_tile(problem.candidates, [&](Tile tile) {
-    const ProfileProblem p = problem.from(tile.first);
-    const Index last = p.stations - 1, lanes = tile.lanes;
-    std::copy_n(p.speed_sq_max.at(last), lanes, p.speed_sq.at(last));
-    for (Index k = last - 1; k >= 0; --k) slow_down(p, k, lanes, limits.decel);
-    double* first = p.speed_sq.at(0);
-    std::copy_n(first, lanes, reachable_start_sq + tile.first);
-    for (Index j = 0; j < lanes; ++j) first[j] = min_of(first[j], start_sq[tile.first + j]);
-    for (Index k = 0; k < last; ++k) {
-      if (p.lift.data != nullptr) turn(p, k, lanes);
-      speed_up(p, k, lanes, limits.specific_power);
-    }
-    for (Index j = 0; j < lanes; ++j) {
-      rest_for_good(p.speed_sq.data + j, p.stations, p.speed_sq.stride);
-    }
-  });
+  const Index last = p.stations - 1, lanes = p.candidates;
+  double* first = p.speed_sq.at(0);
+  std::copy_n(p.speed_sq_max.at(last), lanes, p.speed_sq.at(last));
+  for (Index k = last - 1; k >= 0; --k) slow_down(p, k, lanes, limits.decel);
+  std::copy_n(first, lanes, reachable_start_sq);
+  for (Index j = 0; j < lanes; ++j) first[j] = min_of(first[j], start_sq[j]);
+  for (Index k = 0; k < last; ++k) {
+    if (p.lift.data != nullptr) turn(p, k, lanes);
+    speed_up(p, k, lanes, limits.specific_power);
+  }
+  for (Index j = 0; j < lanes; ++j) {
+    rest_for_good(p.speed_sq.data + j, p.stations, p.speed_sq.stride);
+  }
 }
 
 // Travel time plus a charge for each metre on which the vehicle does not move, (M,) [s].
 inline void add_travel_cost(const double* station, const double* speed_sq, Index stations,
                             Index candidates, double horizon_penalty, double* cost) noexcept {
-  for (Index first = 0; first < candidates; first += wide) {
-    const Index lanes = std::min<Index>(wide, candidates - first);
-    std::array<double, wide> total{}, speed{};
-    for (Index j = 0; j < lanes; ++j) {
-      speed[static_cast<std::size_t>(j)] = std::sqrt(speed_sq[first + j]);
+  std::fill_n(cost, candidates, 0.0);
+  for (Index k = 0; k + 1 < stations; ++k) {
+    const double *s = station + k * candidates, *s_ahead = s + candidates;
+    const double *here = speed_sq + k * candidates, *ahead = here + candidates;
+    SLOPEWISE_INDEPENDENT
+    for (Index j = 0; j < candidates; ++j) {
+      const double ds = s_ahead[j] - s[j], sum = std::sqrt(here[j]) + std::sqrt(ahead[j]);
+      cost[j] += sum > 0.0 ? 2.0 * ds / sum : horizon_penalty * ds;
     }
-    for (Index k = 0; k + 1 < stations; ++k) {
-      const double *s = station + k * candidates + first, *s_ahead = s + candidates;
-      const double* ahead_sq = speed_sq + (k + 1) * candidates + first;
-      for (Index j = 0; j < lanes; ++j) {
-        const auto lane = static_cast<std::size_t>(j);
-        const double ds = s_ahead[j] - s[j], ahead = std::sqrt(ahead_sq[j]);
-        const double sum = speed[lane] + ahead;
-        total[lane] += sum > 0.0 ? 2.0 * ds / sum : horizon_penalty * ds;
-        speed[lane] = ahead;
-      }
-    }
-    std::copy_n(total.begin(), lanes, cost + first);
   }
 }
 
