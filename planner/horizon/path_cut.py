@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.compiled_core import core
 from slopewise.planner.followed_line import MIN_STATIONS
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.horizon.path_projection import PathProjection
@@ -15,6 +14,9 @@ from slopewise.planner.path import PathBatch
 
 _HERE = 1e-4
 """A path that begins this close to the vehicle begins at it [m]."""
+
+_TOO_NEAR = 0.3
+"""Share of the spacing within which a first step would be too short to have a direction [1]."""
 
 
 def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -> PathBatch:
@@ -29,34 +31,28 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
     """
     if np.all(np.abs(projection.along) <= _HERE):
         return paths
+    lanes, last = np.arange(len(paths.names)), paths.count - 1
     ahead = projection.along < 0.0
-    start = np.where(ahead, at[0], projection.x), np.where(ahead, at[1], projection.y)
-    behind = np.where(ahead, -1, projection.segment)
-    rest, first, near, count = core.cut_paths(
-        paths.x, paths.y, paths.count, behind, *start, MIN_STATIONS
-    )
-    longest = int(count.max())
-    limit, closeness = (
-        _cut_limits(row, paths.count, first, near | ahead, longest)
-        for row in (paths.rows[2], -paths.rows[3])
-    )
-    return PathBatch(paths.names, np.stack((*rest[:, :longest], limit, -closeness)), count)
-
-
-def _cut_limits(limit: Floats, count: Ints, first: Ints, holds: Bools, rows: int) -> Floats:
-    """Limits at the new stations, (rows, M) [m/s].
-
-    Between two stations either one's limit holds; of an omitted one, and ahead of a path, its own.
-
-    Args:
-        limit: (N, M) of the paths [m/s]; count: (M,) their stations.
-        first: (M,) first station that stays; holds: (M,) the limit before it holds up to it.
-    """
-    lanes = np.arange(len(first))
-    before = limit[np.maximum(first - 1, 0), lanes]
-    start = np.where(holds, before, np.maximum(before, limit[first, lanes]))
-    further = np.minimum(first + np.arange(rows - 1)[:, None], count - 1)
-    return np.concatenate((start[None], limit[further, lanes]))
+    start = np.where(ahead, np.array(at)[:, None], (projection.x, projection.y))
+    first = np.where(ahead, 0, projection.segment + 1)
+    spacing = np.hypot(paths.x[1] - paths.x[0], paths.y[1] - paths.y[0])
+    step = paths.rows[:2, first, lanes] - start
+    near = np.hypot(*step) < _TOO_NEAR * spacing
+    first = np.minimum(first + near, last)
+    count = np.maximum(last - first + 2, MIN_STATIONS)
+    rows = np.minimum(first + np.arange(int(count.max()) - 1)[:, None], last)
+    rest = np.empty((4, len(rows) + 1, len(lanes)))
+    rest[:2, 0] = start
+    rest[:, 1:] = paths.rows[:, rows, lanes]
+    # Between two stations either one's limit and distance of who follows what was given holds; of
+    # an omitted one, and ahead of a path, its own.
+    behind, there = paths.rows[2:, np.maximum(first - 1, 0), lanes], rest[2:, 1]
+    holds = near | ahead
+    rest[2, 0] = np.where(holds, behind[0], np.maximum(behind[0], there[0]))
+    rest[3, 0] = np.where(holds, behind[1], np.minimum(behind[1], there[1]))
+    ends = first == last  # only its end is left of it
+    rest[:2, 1, ends] = 0.5 * (rest[:2, 0, ends] + rest[:2, 2, ends])
+    return PathBatch(paths.names, rest, count)
 
 
 def passed_stations(

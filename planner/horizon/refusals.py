@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
-from slopewise.planner.compiled_core import core
+from slopewise.models.arrays import Bools, Floats
 from slopewise.planner.followed_line import MIN_STATIONS
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState, Ranked
 from slopewise.planner.horizon.path_projection import PathProjection, locate
@@ -17,6 +16,9 @@ from slopewise.planner.path_deviation import PathDeviation, path_deviation
 
 _ENDS = 0.01
 """A path that ends this close to the vehicle is driven [m]."""
+
+_ONE_PLACE = 1e-4
+"""Stations closer than that are one place [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,12 @@ def drivable_of(
 
 def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str]:
     """Reasons why candidates cannot be planned at all, empty for those that can."""
-    finite, moving = core.find_sound(paths.x, paths.y, paths.count)
+    inside = np.arange(len(paths.x))[:, None] < paths.count
+    finite: Bools = np.all(np.isfinite(paths.rows[:2]).all(axis=0) | ~inside, axis=0)
+    with np.errstate(invalid="ignore"):
+        steps = np.diff(paths.rows[:2], axis=1)
+    stays = (steps * steps).sum(axis=0) < _ONE_PLACE**2
+    moving: Bools = ~np.any(stays & inside[1:], axis=0)
     long, known = paths.count >= MIN_STATIONS, ~np.isnan(clear)
     reasons = [""] * len(clear)
     for j in np.flatnonzero(~(finite & moving & long & known)):

@@ -5,23 +5,17 @@
 namespace slopewise {
 namespace {
 
-Paths paths_of(const Input2& x, const Input2& y, const Counts1& count) {
+// Places need a segment to be on.
+Paths segments_of(const Input2& x, const Input2& y, const Counts1& count) {
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
   expect_shape("y", y, {n, m});
   expect_shape("count", count, {m});
   for (Index j = 0; j < m; ++j) {
-    if (count.data()[j] > n) throw nb::value_error("count: expected no more stations than rows");
+    if (count.data()[j] < 2 || count.data()[j] > n) {
+      throw nb::value_error("count: expected two stations at least, and no more than rows");
+    }
   }
   return {n, m, x.data(), y.data(), count.data()};
-}
-
-// Places need a segment to be on.
-Paths segments_of(const Input2& x, const Input2& y, const Counts1& count) {
-  const Paths paths = paths_of(x, y, count);
-  for (Index j = 0; j < paths.candidates; ++j) {
-    if (count.data()[j] < 2) throw nb::value_error("count: expected two stations at least");
-  }
-  return paths;
 }
 
 std::tuple<Made<std::int64_t>, Made<double>, Made<double>> feet(
@@ -53,45 +47,11 @@ std::tuple<Made<std::int64_t>, Made<double>> locate(const Input2& x, const Input
   return {segment, values};
 }
 
-std::tuple<Made<double>, Made<std::int64_t>, Made<bool>, Made<std::int64_t>> cut(
-    const Input2& x, const Input2& y, const Counts1& count, const Counts1& segment,
-    const Input1& start_x, const Input1& start_y, Index fewest) {
-  const Paths paths = segments_of(x, y, count);
-  const Index n = paths.stations, m = paths.candidates;
-  expect_shape("segment", segment, {m});
-  for (const Input1* column : {&start_x, &start_y}) expect_shape("start", *column, {m});
-  for (Index j = 0; j < m; ++j) {
-    const std::int64_t behind = segment.data()[j];
-    if (behind < -1 || behind + 1 >= count.data()[j]) {
-      throw nb::value_error("segment: expected one of the path, or -1");
-    }
-  }
-  const auto rest = make_array(2, n + 1, m);
-  const auto kept = make_array<std::int64_t>(m), new_count = make_array<std::int64_t>(m);
-  const auto near = make_array<bool>(m);
-  double* out = rest.data();
-  const nb::gil_scoped_release release;
-  cut_paths(paths, {segment.data(), start_x.data(), start_y.data()}, fewest,
-            {out, out + (n + 1) * m, kept.data(), near.data(), new_count.data()});
-  return {rest, kept, near, new_count};
-}
-
-std::tuple<Made<bool>, Made<bool>> soundness(const Input2& x, const Input2& y,
-                                             const Counts1& count) {
-  const Paths paths = paths_of(x, y, count);
-  const auto finite = make_array<bool>(paths.candidates), moving = make_array<bool>(paths.candidates);
-  const nb::gil_scoped_release release;
-  find_sound(paths, finite.data(), moving.data());
-  return {finite, moving};
-}
-
 }  // namespace
 
 void bind_horizon(nb::module_& m) {
   m.def("feet_on_line", &feet);
   m.def("locate_on_paths", &locate);
-  m.def("cut_paths", &cut);
-  m.def("find_sound", &soundness);
 }
 
 }  // namespace slopewise
