@@ -94,7 +94,7 @@ std::tuple<Made<std::int64_t>, Made<double>, Index> sweep_paths(
   const auto found = make_array(m, 4);
   const auto rows = [&](const char* name) { return member_rows<double>(body, name, n, m).at(0); };
   expect_shape("code_of_kind", code_of_kind, {hazard_kinds});
-  if (across.has_value() != self.grid.band().any()) {
+  if (across.has_value() != self.grid.band().has_width) {
     throw nb::value_error("across: expected an array where the broad phase has a band, else None");
   }
   if (across) expect_shape("across", *across, {n, m});
@@ -142,7 +142,6 @@ void suspect_all(MapBroadPhase& self) {
   all.east.swap(blocks.east);
   all.north.swap(blocks.north);
   blocks = std::move(all);
-  self.grid.suspect_band();
 }
 
 }  // namespace

@@ -49,7 +49,7 @@ class BroadPhase {
   BroadPhase(const MapView& map, double resolution, const VehicleEnvelope& vehicle,
              const std::optional<BandWidth>& width, const Positions& at, double beside)
       : map_(map), vehicle_(vehicle), layout_(map, resolution, vehicle),
-        band_(width, vehicle, resolution, 1.0 / layout_.per_metre),
+        band_(width, vehicle, resolution),
         sizes_(band_.widest_area(vehicle)),
         window_(map, layout_, sizes_, at, beside), limits_(sizes_, layout_.cells, resolution),
         blocks_(std::make_shared<ScreenedBlocks>(window_.rows.size(), window_.columns.size())),
@@ -64,7 +64,6 @@ class BroadPhase {
                      static_cast<int>(limits_.fit) + 1);
     for (Index row = 0; row < blocks_->rows; ++row) screen(ground, offsets, pad, row);
     facets_ = std::make_shared<const FacetGrid>(std::move(ground.facets));
-    if (band_.any()) relief_beside_ = highest_around(blocks_->relief, band_.blocks);
   }
 
   // The same ground for a vehicle that is longer or may be farther off its line: wheels feel what
@@ -72,10 +71,9 @@ class BroadPhase {
   [[nodiscard]] BroadPhase widened(const VehicleEnvelope& vehicle, BandWidth width) const {
     BroadPhase out = *this;
     out.vehicle_ = vehicle;
-    out.band_ = TrackingBand(width, vehicle, 1.0 / map_.per_metre, 1.0 / layout_.per_metre);
+    out.band_ = TrackingBand(width, vehicle, 1.0 / map_.per_metre);
     out.sizes_ = out.band_.widest_area(vehicle);
     out.clears_bodies_ = false;
-    out.relief_beside_ = highest_around(blocks_->relief, out.band_.blocks);
     return out;
   }
 
@@ -94,12 +92,6 @@ class BroadPhase {
   [[nodiscard]] const ScreenLimits& limits() const noexcept { return limits_; }
   [[nodiscard]] const ScreenedBlocks& blocks() const noexcept { return *blocks_; }
   [[nodiscard]] ScreenedBlocks& blocks() noexcept { return *blocks_; }
-  // Highest relief within the band of a wheel, of each block [m].
-  [[nodiscard]] const std::vector<float>& relief_beside() const noexcept { return relief_beside_; }
-  void suspect_band() noexcept {
-    std::fill(relief_beside_.begin(), relief_beside_.end(),
-              std::numeric_limits<float>::infinity());
-  }
   // What a pose may meet with its middle in a block, apart from wheels.
   [[nodiscard]] std::int32_t bits_of(std::int32_t block) const noexcept {
     return clears_bodies_ ? blocks_->bits[static_cast<std::size_t>(block)]
@@ -133,31 +125,6 @@ class BroadPhase {
   // Of the first block, from the centre of the first cell of the map [cells].
   [[nodiscard]] double corner(BlockSpan span) const noexcept {
     return static_cast<double>(span.first * layout_.cells) - 0.5;
-  }
-
-  // Of so many blocks to either side, in rows and then in columns.
-  [[nodiscard]] std::vector<float> highest_around(const std::vector<float>& from,
-                                                  Index far) const {
-    std::vector<float> in_row = from, out;
-    const Index rows = blocks_->rows, columns = blocks_->columns;
-    const auto take_in = [](std::vector<float>& into, const std::vector<float>& of, Index first,
-                            Index end, Index away) {
-      float* highest = into.data();
-      const float* there = of.data() + away;
-      for (Index n = first; n < end; ++n) highest[n] = max_of(highest[n], there[n]);
-    };
-    for (Index away = -far; away <= far; ++away) {
-      const BlockSpan span = BlockSpan{0, columns}.moved(-away).grown(0, columns);
-      for (Index row = 0; row < rows; ++row) {
-        take_in(in_row, from, row * columns + span.first, row * columns + span.end, away);
-      }
-    }
-    out = in_row;
-    for (Index away = -far; away <= far; ++away) {
-      const BlockSpan span = BlockSpan{0, rows}.moved(-away).grown(0, rows);
-      take_in(out, in_row, span.first * columns, span.end * columns, away * columns);
-    }
-    return out;
   }
 
   // Judge blocks of a row by the ground around them, a tile of columns at a time.
@@ -194,7 +161,6 @@ class BroadPhase {
   std::shared_ptr<ScreenedBlocks> blocks_;
   double origin_x_, origin_y_;  // corner of block [0, 0] [m]
   std::shared_ptr<const FacetGrid> facets_;
-  std::vector<float> relief_beside_;
   bool clears_bodies_ = true;
 };
 

@@ -45,45 +45,30 @@ inline void require_wheel(const std::vector<float>& relief, float cleared, int w
   }
 }
 
-// On any line of the band. Most poses are cleared by what is highest within it; the others are
-// looked at line by line, next to each other.
+// On any line of the band.
 inline void require_wheel_beside(const PoseRow& row, const BroadPhase& grid, int wheel,
-                                 const Blocks& blocks, const Checks& open,
-                                 Checks& required) noexcept {
-  const float cleared = grid.limits().cleared;
-  Checks near{}, lanes, beside{};
-  require_wheel(grid.relief_beside(), cleared, wheel, blocks, row.lanes, open, near);
-  std::array<double, wide> x, y, heading_x, heading_y, side, stride;
-  Index count = 0, most = 0;
-  for (Index j = 0; j < row.lanes; ++j) {
-    if (near[static_cast<std::size_t>(j)] == 0) continue;
-    const auto n = static_cast<std::size_t>(count++);
-    const BandLines lines = grid.band().lines_at(row.across[j]);
-    const Place at = wheel_at(wheel, grid.sizes());
-    lanes[n] = static_cast<std::int32_t>(j);
-    heading_x[n] = row.heading_x[j];
-    heading_y[n] = row.heading_y[j];
-    x[n] = row.x[j] + at.x * heading_x[n] - at.y * heading_y[n];
-    y[n] = row.y[j] + at.x * heading_y[n] + at.y * heading_x[n];
+                                 const Checks& open, Checks& required) noexcept {
+  const Place at = wheel_at(wheel, grid.sizes());
+  const auto lanes = static_cast<std::size_t>(row.lanes);
+  std::array<double, wide> side, stride;
+  Index most = 0;
+  for (std::size_t n = 0; n < lanes; ++n) {
+    const BandLines lines = grid.band().lines_at(row.across[n]);
     side[n] = static_cast<double>(lines.side);
     stride[n] = lines.stride;
     most = std::max(most, lines.side);
   }
-  const float* climbs = grid.blocks().relief.data();
-  for (Index line = -most; count > 0 && line <= most; ++line) {
-    Blocks there;
+  for (Index line = -most; line <= most; ++line) {
+    Blocks blocks;
     SLOPEWISE_INDEPENDENT
-    for (Index j = 0; j < count; ++j) {
-      const auto n = static_cast<std::size_t>(j);
+    for (std::size_t n = 0; n < lanes; ++n) {
       const double shift = min_of(max_of(static_cast<double>(line), -side[n]), side[n]) * stride[n];
-      there[n] = grid.block_at(x[n] - shift * heading_y[n], y[n] + shift * heading_x[n]);
+      const double left = at.y + shift;
+      blocks[n] = grid.block_at(row.x[n] + at.x * row.heading_x[n] - left * row.heading_y[n],
+                                row.y[n] + at.x * row.heading_y[n] + left * row.heading_x[n]);
     }
-    for (std::size_t n = 0; n < static_cast<std::size_t>(count); ++n) {
-      beside[n] |= climbs[there[n]] > cleared ? check_wheel << wheel : 0;
-    }
-  }
-  for (std::size_t n = 0; n < static_cast<std::size_t>(count); ++n) {
-    required[static_cast<std::size_t>(lanes[n])] |= beside[n];
+    require_wheel(grid.blocks().relief, grid.limits().cleared, wheel, blocks, row.lanes, open,
+                  required);
   }
 }
 
@@ -122,7 +107,7 @@ inline void require_wheels(const PoseRow& row, const BroadPhase& grid, const Che
     }
     const Checks& counts = wheel < 2 ? open : rear;
     if (row.across != nullptr) {
-      detail::require_wheel_beside(row, grid, wheel, blocks, counts, required);
+      detail::require_wheel_beside(row, grid, wheel, counts, required);
     } else {
       detail::require_wheel(grid.blocks().relief, grid.limits().cleared, wheel, blocks, row.lanes,
                             counts, required);

@@ -86,7 +86,7 @@ class NarrowPhase {
   // What bars the way from the pose in which the vehicle rests: a step that a wheel touches.
   Hazard check_start(const Pose2d& pose, std::int32_t required, double across) noexcept {
     ++checked_;
-    const BandLines lines(band_.any() ? band_.of_wheels(across) : 0.0, band_.stride);
+    const BandLines lines(band_.of_wheels(across), band_.stride);
     for (int wheel = 0; wheel < wheel_count; ++wheel) {
       if (!(required & (check_wheel << wheel))) continue;
       const Place at = wheel_at(wheel, sizes_);

@@ -42,29 +42,27 @@ struct BandLines {
 };
 
 struct TrackingBand {
+  bool has_width;
   double widest = 0.0, turned = 0.0;
   double arm = 0.0, wheel_arm = 0.0;  // farthest ends of body and wheels from the reference [m]
   double stride = 1.0;                // largest distance between two lines of a wheel [m]
   double beyond = 0.0;                // the band, where the ground must not fall [m]
-  Index blocks = 0;                   // to either side in which a wheel may be [1]
   Index lines = 1;                    // of a wheel at most, with those beyond the band [1]
 
   // Without a width the body is exactly on its line.
   TrackingBand(const std::optional<BandWidth>& width, const VehicleEnvelope& sizes,
-               double resolution, double block_edge) noexcept
-      : stride(max_of(resolution, sizes.half_tyre)) {
+               double resolution) noexcept
+      : has_width(width.has_value()), stride(max_of(resolution, sizes.half_tyre)) {
     if (width) {
       widest = width->widest;
       turned = width->turned;
       arm = max_of(sizes.front, sizes.rear) + width->body_offset;
       wheel_arm = sizes.half_length + width->body_offset;
-      blocks = static_cast<Index>(of_wheels(widest) / block_edge) + 1;
     }
     beyond = sizes.half_tyre + 0.5 * resolution;
     lines = 2 * BandLines(of_wheels(widest), stride, beyond).side + 1;
   }
 
-  [[nodiscard]] bool any() const noexcept { return blocks > 0; }
   [[nodiscard]] BandLines lines_at(double across) const noexcept {
     return {of_wheels(across), stride};
   }
@@ -78,7 +76,7 @@ struct TrackingBand {
   }
   // For the broad phase, which covers the widest place.
   [[nodiscard]] VehicleEnvelope widest_area(const VehicleEnvelope& sizes) const noexcept {
-    return any() ? area(sizes, widest) : sizes;
+    return has_width ? area(sizes, widest) : sizes;
   }
 };
 
