@@ -57,13 +57,11 @@ class PoseAge:
 
         A base that has moved since is not where its pose says, at rest either.
         """
-        excess = now - age - self._measured  # of a newer message with the same pose [s]
-        if motion.pose != self._pose:
+        moves = abs(motion.speed) >= _MIN_SPEED or abs(motion.yaw_rate) >= _MIN_YAW_RATE
+        if motion.pose != self._pose or not (moves or self._is_frozen):
             self._pose, self._measured, self._is_frozen = motion.pose, now - age, False
-        elif abs(motion.speed) >= _MIN_SPEED or abs(motion.yaw_rate) >= _MIN_YAW_RATE:
-            self._is_frozen |= excess > _ROUNDING
-        elif not self._is_frozen:
-            self._measured = now - age
+        elif now - age > self._measured + _ROUNDING:
+            self._is_frozen = True  # by a newer message with the same pose
         return max(age, now - self._measured)
 
 

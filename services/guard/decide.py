@@ -107,9 +107,7 @@ def decide(
     verdict = SpeedVerdict(math.inf, False, "", None)
     creep = CREEP / max(point_speed(scene.model, *command), TOLERANCE)
     for course in courses:
-        checked = try_speeds(scene, motion.pose, course, held, late, load)
-        if checked.touches:
-            checked = checked._replace(allowed=min(checked.allowed, creep))
+        checked = try_speeds(scene, motion.pose, course, held, late, load, creep)
         turn = min(verdict.turn, checked.turn)
         verdict = min(verdict, checked, key=lambda of: (not of.brakes, of.allowed))
         verdict = verdict._replace(turn=turn)

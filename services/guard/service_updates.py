@@ -68,12 +68,10 @@ class KnownMap:
             self.map, self.reason = apply_update(update, None), ""
         elif update.sequence == last:
             self.counters["map patches repeated"] += 1
-        elif last is not None and update.sequence != last + 1:
-            self.lose(max(update.sequence - last - 1, 1))
         elif self.reason:
             self.counters["map patches unused"] += 1
-        elif last is None and (update.sequence > 1 or is_known):
-            self.lose()  # at least the one before it
+        elif update.sequence != last + 1 if last is not None else is_known or update.sequence > 1:
+            self.lose(1 if last is None else max(update.sequence - last - 1, 1))
         else:
             self.map = apply_update(update, self.map)
 
@@ -94,22 +92,21 @@ class ServiceUpdates:
         ``memory``: file that is not empty once parameters were accepted, for the next worker.
         """
         self._memory, self._published = memory, set[str]()
-        self._replies: deque[zenoh.Sample] = deque(maxlen=1)
-        self._request = ParameterRequest(session, namespace, self._on_reply)
+        self._request = ParameterRequest(session, namespace, self._on_parameters)
         self._vehicle = vehicle
         self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
         # With arrival [s]; None: those before it are too old.
         self._maps: deque[tuple[zenoh.Sample | None, float]] = deque()
         # Arrival until which maps may have waited, and until which they waited for too long [s].
         self._certain_from = self._void_until = -math.inf
-        self._groups: OrderedDict[str, zenoh.Sample] = OrderedDict()
+        self._samples: OrderedDict[str, zenoh.Sample] = OrderedDict()  # of parameters, by key
         self._lost, self._closed = 0, False
         self._news = threading.Condition()
         self._new_groups: list[ParameterGroup] = []
         self._new_map: tuple[ElevationMap | None, str, dict[str, int], float] | None = None
         self._declared = [
             session.declare_subscriber(self._key, self._on_map),
-            session.declare_subscriber(f"{namespace}/v1/params/*", self._on_group),
+            session.declare_subscriber(f"{namespace}/v1/params/*", self._on_parameters),
         ]
         self._reader = threading.Thread(target=self._read, name="updates", daemon=True)
 
@@ -174,20 +171,15 @@ class ServiceUpdates:
             self._maps.append((sample, now))
             self._news.notify_all()
 
-    def _on_group(self, sample: zenoh.Sample) -> None:
+    def _on_parameters(self, sample: zenoh.Sample) -> None:
         with self._news:
-            self._groups[str(sample.key_expr)] = sample
-            if len(self._groups) > _MAX_GROUPS:
-                self._groups.popitem(last=False)
-            self._news.notify_all()
-
-    def _on_reply(self, sample: zenoh.Sample) -> None:
-        with self._news:
-            self._replies.append(sample)
+            self._samples[str(sample.key_expr)] = sample
+            if len(self._samples) > _MAX_GROUPS:
+                self._samples.popitem(last=False)
             self._news.notify_all()
 
     def _has_news(self) -> bool:
-        return bool(self._maps or self._groups or self._replies or self._closed)
+        return bool(self._maps or self._samples or self._closed)
 
     def _read(self) -> None:
         while True:
@@ -195,20 +187,19 @@ class ServiceUpdates:
                 self._news.wait_for(self._has_news)
                 if self._closed:
                     return
-                groups, self._groups = self._groups, OrderedDict()
+                samples, self._samples = self._samples, OrderedDict()
                 update = self._maps.popleft() if self._maps else None
                 lost, self._lost = self._lost, 0
-                reply = self._replies.popleft() if self._replies else None
-            for group in groups.values():
-                self._read_parameters(group, ParameterGroup)
-            if reply is not None:
-                self._read_parameters(reply, ParameterReply)
+            for key, sample in samples.items():
+                self._read_parameters(key, sample)
             if update is not None:
                 self._read_map(*update, lost)
 
-    def _read_parameters(self, sample: zenoh.Sample, kind: type[Parameters]) -> None:
+    def _read_parameters(self, key: str, sample: zenoh.Sample) -> None:
         """Take a published group, or the groups of a reply: what was published is newer."""
-        raw, key = sample.payload.to_bytes(), str(sample.key_expr)
+        raw = sample.payload.to_bytes()
+        is_reply = key.endswith("/v1/params")
+        kind: type[Parameters] = ParameterReply if is_reply else ParameterGroup
         try:
             encoding = codec.encoding_of(kind, format_of(raw))
             message = codec.decode(kind, raw, encoding, key, _MAX_BYTES)

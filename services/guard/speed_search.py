@@ -43,7 +43,6 @@ class SpeedVerdict(NamedTuple):
     where: tuple[float, float] | None
     # share of the yaw rate at which axles and sides keep their load at the vehicle's speed [1]
     turn: float = math.inf
-    touches: bool = False  # an obstacle is closer than map and pose can show
 
 
 def try_speeds(
@@ -53,8 +52,12 @@ def try_speeds(
     held: float,
     late: float,
     load: float,
+    creep: float,
 ) -> SpeedVerdict:
-    """Try speeds up to the highest; the last one is that of the vehicle, on its way already."""
+    """Try speeds up to the highest; the last one is that of the vehicle, on its way already.
+
+    ``creep``: share of the command that is allowed next to obstacles [1].
+    """
     model, share, top = scene.model, course.share, max(course.requested, course.moving)
     clear = scene.clear / share if share else math.inf
     speeds = np.append(top * np.arange(1, _SPEEDS + 1) / _SPEEDS, course.moving)
@@ -72,12 +75,10 @@ def try_speeds(
         # Lateral acceleration is speed times yaw rate, also of a vehicle that still slows down.
         steady = float(np.append(0.0, speeds)[np.argmin(stops.loaded[:-1])])
         turn = steady * steady / (top * max(course.moving, TOLERANCE))
-    cap = CREEP if ways.end.touches else math.inf
+    allowed = float(speeds[failed - 1]) if failed else 0.0
     if share:
         fastest = model.tables[0].fastest[ways.possible].min()
-        cap = min(cap, float(min(model.speed, fastest)) / share)
-    allowed = float(speeds[failed - 1]) if failed else 0.0
-    allowed = min(allowed, cap)
+        allowed = min(allowed, float(min(model.speed, fastest)) / share)
     brakes = course.moving >= STANDSTILL and not inside[-1]
     k = _SPEEDS if brakes else failed
     reason, where = "", None
@@ -85,8 +86,10 @@ def try_speeds(
         reason, where = _reason(ways, bool(inside[k]), free, clear)
     elif ways.end.touches:
         reason = "next to an obstacle it creeps"
-    share = allowed / max(course.requested, TOLERANCE)
-    return SpeedVerdict(share, brakes, reason, where, turn, ways.end.touches)
+    allowed = min(
+        allowed / max(course.requested, TOLERANCE), creep if ways.end.touches else math.inf
+    )
+    return SpeedVerdict(allowed, brakes, reason, where, turn)
 
 
 def _reason(
