@@ -16,11 +16,9 @@ from slopewise.models.parameters import Model
 from slopewise.models.steering import SteeringGeometry
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.obstacle_checks import Struck
-from slopewise.services.check.path_force import PathForce
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
 from slopewise.services.check.stop_dynamics import StopDynamics
-from slopewise.services.physics.loads import BodyAttitude
 
 
 class Turning(NamedTuple):
@@ -66,18 +64,3 @@ class CheckedDrive(NamedTuple):
     field: StopDynamics
     turning: Turning
     clear: Floats  # (M,) station before which stops end [m]
-
-    @property
-    def model(self) -> Model:
-        """Vehicle, braking and limits."""
-        return self.field.model
-
-    @property
-    def brakes(self) -> PathForce:
-        """Force of the brakes along the line."""
-        return self.field.brakes
-
-    @property
-    def pose(self) -> BodyAttitude:
-        """How the vehicle stands at the samples."""
-        return self.field.pose

@@ -76,7 +76,7 @@ class DrivingChecks(NamedTuple):
     def braking_down(self) -> Bools:
         """(M,) samples from the start to the row after the last one that brakes fully."""
         line, accel = self.drive.line, self.motion.accel
-        full = np.minimum(self.drive.model.limits.decel, self.braking_deceleration())
+        full = np.minimum(self.drive.field.model.limits.decel, self.braking_deceleration())
         hard = np.minimum.accumulate((-accel >= _HARD * full)[line.at_row])
         # Within that row's step it reaches the speed from which service braking suffices.
         hard = np.append(True, hard[:-1])
@@ -105,7 +105,8 @@ class DrivingChecks(NamedTuple):
         return thrust, GRAVITY * (pose.sine + resistance)
 
     def _along(self) -> tuple[Model, Line, BodyAttitude, PathForce]:
-        return self.drive.model, self.drive.line, self.drive.pose, self.drive.brakes
+        field = self.drive.field
+        return field.model, self.drive.line, field.pose, field.brakes
 
     def speeds(self) -> None:
         """Speed limits, turns, dips, rim speed and steering."""
@@ -146,7 +147,7 @@ class DrivingChecks(NamedTuple):
         needed = accel + taken
         sentence = "needs {0:.2f} m/s² of the drive, which gives {1:.2f} m/s²"
         self.log.add("traction", needed - thrust, sentence, needed, thrust, where=moving)
-        excess = accel - self.drive.model.limits.accel
+        excess = accel - self.drive.field.model.limits.accel
         self.log.add("accel", excess, "speeds up at {0:.2f} m/s²", accel, where=moving)
 
     def brakes_at(self, accel: Floats) -> None:
@@ -155,7 +156,7 @@ class DrivingChecks(NamedTuple):
         slows = self.motion.moving & (accel < 0.0) & ~self._assumed
         by_brakes = f"{sentence}, the brakes give {{1:.2f}} m/s²"
         self.log.add("decel", -accel - given, by_brakes, -accel, given, where=slows)
-        excess = -accel - self.drive.model.limits.decel
+        excess = -accel - self.drive.field.model.limits.decel
         self.log.add("decel", excess, sentence, -accel, where=self.free)
 
     @property
@@ -166,7 +167,7 @@ class DrivingChecks(NamedTuple):
 
     def friction(self, accel: Floats) -> None:
         """Friction under slope, turn and drive or brakes."""
-        pose, friction = self.drive.pose, self.drive.brakes.friction
+        pose, friction = self.drive.field.pose, self.drive.field.brakes.friction
         if (friction < NO_FRICTION_LIMIT).any():
             along = accel / GRAVITY + pose.sine
             used = utilisation(pose, friction, self.motion.speed**2, along)

@@ -128,7 +128,7 @@ def _line_and_sides(
 
 def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) -> CheckedStops:
     """Note what motion, ground, stops and reported columns break; the stops from the rows."""
-    plan, model, ground = drive.plan, drive.model, drive.ground
+    plan, model, ground = drive.plan, drive.field.model, drive.ground
     motion = motion_along(drive.line, ground.station, plan.speed)
     check_columns(log, drive)
     check_places(log, drive, motion)

@@ -152,7 +152,7 @@ def check_status(log: ViolationLog, drive: CheckedDrive) -> None:
             status == "infeasible"
         ),
         "the plan is at rest well before its rows end": (
-            status == "ok" and end - at_rest > drive.brakes.offset + _SHORT
+            status == "ok" and end - at_rest > drive.field.brakes.offset + _SHORT
         ),
         f"limiting is {', '.join(sorted(named))} where it rests": (
             status == "ok" and not named <= {"stopping_path", *MOTION}

@@ -162,7 +162,7 @@ def _against_bound(log: ViolationLog, drive: CheckedDrive, name: str, here: Bool
 
 def _against_motion(drive: CheckedDrive, motion: Motion) -> tuple[Bools, Bools, Bools]:
     """(N,) rows that plainly do not slow down or speed up as is allowed, or steadily do so."""
-    rows, limits = drive.line.at_row, drive.model.limits
+    rows, limits = drive.line.at_row, drive.field.model.limits
     lowest = np.minimum(motion.accel, motion.accel_before)
     highest = np.maximum(motion.accel, motion.accel_before)
     checks = DrivingChecks(ViolationLog("", rows, motion.speed), drive, motion, motion.moving)

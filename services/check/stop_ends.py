@@ -56,14 +56,15 @@ def _lanes(ground: LineGround, motion: Motion) -> Ints:
 def _starts(drive: CheckedDrive, lanes: Ints, speed: Floats) -> StopStarts:
     """Stops from samples (L,) at speeds (L,)."""
     give_up = float(drive.clear.max()) + _OVERRUN
-    return StopStarts(drive.ground.station[lanes], speed, drive.brakes.dead_time[lanes], give_up)
+    dead_time = drive.field.brakes.dead_time[lanes]
+    return StopStarts(drive.ground.station[lanes], speed, dead_time, give_up)
 
 
 def check_stops(log: ViolationLog, drive: CheckedDrive, motion: Motion, stops: StopEnds) -> None:
     """Note what the stops of a motion break."""
     ground, field, lanes = drive.ground, drive.field, _lanes(drive.ground, motion)
     start = ground.station[lanes]
-    end, speed = stops.end + drive.brakes.offset + field.errors.along_track, motion.speed[lanes]
+    end, speed = stops.end + field.brakes.offset + field.errors.along_track, motion.speed[lanes]
     longest, free = end - start, drive.clear[lanes]
     excess = np.where(stops.ended, end - free, np.maximum(end - free, _OVERRUN))
     sentence = "a stop from {0:.2f} m/s ends {1:.2f} m on"
@@ -76,7 +77,7 @@ def check_stops(log: ViolationLog, drive: CheckedDrive, motion: Motion, stops: S
     nouns = ("rear axle", "lighter side", "lightest wheel")
     for noun, *shares in zip(nouns, stops.min_loads, stops.even, strict=True):
         kind, subject = LOADS[noun], f"on a stop the {noun} keeps"
-        add_load(log, kind, subject, shares, drive.model.limits.min_load, at=lanes)
+        add_load(log, kind, subject, shares, field.model.limits.min_load, at=lanes)
     _hold_at(log, field, stops, lanes)
 
 
@@ -92,7 +93,7 @@ def stops_at_rows(drive: CheckedDrive, motion: Motion, worst: StopEnds) -> Check
 
     def at_rows(end: Floats, min_loads: Floats) -> Floats:
         out = np.tile([[0.0], [1.0], [1.0]], len(rows))
-        out[:, moves] = end + drive.brakes.offset - start, *min_loads[:2]
+        out[:, moves] = end + drive.field.brakes.offset - start, *min_loads[:2]
         return out
 
     worst_case = at_rows(worst.end[lane], worst.min_loads[:, lane])
@@ -108,12 +109,12 @@ def check_places(log: ViolationLog, drive: CheckedDrive, motion: Motion) -> None
 
 def blocking_ground(drive: CheckedDrive) -> list[tuple[str, Bools, str]]:
     """Kinds of violations by ground that must not be driven: (M,) where, and a noun."""
-    ground, brakes = drive.ground, drive.brakes
+    ground, brakes = drive.ground, drive.field.brakes
     kinds = [
         ("unknown_terrain", ~ground.known, "unknown ground"),
         ("unknown_terrain", ~ground.body_known, "unknown ground below the body"),
     ]
-    if drive.model.braking.extrapolate:
+    if drive.field.model.braking.extrapolate:
         return kinds
     return [
         *kinds,
