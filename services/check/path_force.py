@@ -25,6 +25,7 @@ from slopewise.services.physics.surfaces import possible_surfaces
 class PathForce(NamedTuple):
     """Force of the R surfaces that are touched, at M samples, linear in the speed at onset."""
 
+    names: tuple[str, ...]
     on: Bools  # (R, M) samples where a wheel may be on them
     # (6, R, M) F_b/W over the speed at onset v: slope [s/m], intercept without ground terms, share
     # by which it may be off where the model extrapolates, and its variance over v², 2 v and 1
@@ -68,7 +69,8 @@ def path_force_along(
 
     ``width`` standard deviations of the force are subtracted; with 0 it is the mean.
     """
-    tables, on = _touched(model, ground, class_names)
+    names, on = _touched(model, ground, class_names)
+    tables = [model.braking.on(name) if name else model.braking for name in names]
     scale = registry.force_scale(model.effect)
     place = Place(ground.grade, ground.roll, line.x, line.y, line.heading, 0.0)
     outside = np.array([_outside(t.grade_range, ground.grade) for t in tables])
@@ -89,6 +91,7 @@ def path_force_along(
         return [*force, np.where(beyond > 0.0, margin, 0.0), *variance]
 
     return PathForce(
+        names=names,
         on=on,
         terms=np.stack([terms(*of) for of in zip(tables, outside, strict=True)], axis=1),
         trained_speed_min=np.array([[t.speed_range[0]] for t in tables]),
@@ -104,15 +107,15 @@ def path_force_along(
 
 def _touched(
     model: Model, ground: LineGround, class_names: tuple[str, ...]
-) -> tuple[list[Braking], Bools]:
-    """Brakes on the R surfaces that wheels touch, and (R, M) where."""
-    braking, tables = model.braking, model.braking.terrain
+) -> tuple[tuple[str, ...], Bools]:
+    """Names of the R surfaces that wheels touch, and (R, M) where; "" is the base."""
+    tables = model.braking.terrain
     may_be = possible_surfaces(tables, (*class_names, ""))
     classes = np.vstack((ground.classes, ~ground.classes.any(axis=0)))
     on: Bools = np.any(classes[:, None] & may_be[:, :, None], axis=0)
+    names = ["", *tables]
     touched = np.flatnonzero(on.any(axis=1)).tolist()
-    surfaces = ["", *tables]
-    return [braking.on(surfaces[i]) for i in touched], on[touched]
+    return tuple(names[i] for i in touched), on[touched]
 
 
 def _trained_speed_max(table: Braking, grade: Floats) -> Floats:
