@@ -150,7 +150,8 @@ def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
     if not (mutant.speed > 1.01 * honest.speed).any():
         return False
     model = question.model
-    part = batch([question.path], PlannerSettings().spacing)
+    resolution, wheel_radius = question.ground.resolution, model.vehicle.wheel_radius
+    part = batch([question.path], PlannerSettings().spacing_on(resolution, wheel_radius))
     solved = time_optimal_batch.time_optimal_batch(question.ground, part, model)
     ground = solved.ground
     violation = verify(
