@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -43,6 +43,8 @@ _MIN_SPEED, _MIN_YAW_RATE = 0.1, 0.05
 _ROUNDING = 1e-6  # of moments [s]
 
 _MAX_OPERATORS = 1000  # senders of confirmed poses whose numbers are known [1]
+
+T = TypeVar("T")
 
 
 class PoseAge:
@@ -103,6 +105,7 @@ class Guard:
         self._confirmed = SenderTable[str, int](lambda: -1, _MAX_OPERATORS)  # highest numbers
         self._latched = ""
         self._given: deque[tuple[float, BaseCommand]] = deque(maxlen=_SAMPLES)
+        self._speeds: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)  # of odometry [m/s]
         self.learn()
 
     def learn(self) -> None:
@@ -140,6 +143,7 @@ class Guard:
         """Record odometry, and whether the base can have moved there."""
         is_new = self.motions.take(motion, now, sender, sequence, time)
         if is_new:
+            self._speeds.append((now, motion.speed))
             newest, turning = self.motions.newest, 0.0
             if not motion.yaw_rate:
                 since = now - newest.bound(now) - self._dead_time
@@ -238,12 +242,7 @@ class Guard:
 
     def _given_since(self, since: float) -> tuple[BaseCommand, ...]:
         """Commands since then; the last one given before that was in force as well."""
-        recent = []
-        for at, command in reversed(self._given):
-            recent.append(command)
-            if at <= since:
-                break
-        return tuple(recent)
+        return _values_since(self._given, since)
 
     def _clear_now(self, now: float, since: float, motion: VehicleMotion) -> float | None:
         """Rest of the clear distance [m]; None where one is required and none is fresh.
@@ -257,8 +256,10 @@ class Guard:
             is_required = self.settings.judgement.awaits_clear or self.clears.is_arriving(now)
             return None if is_required else math.inf
         bound = self.clears.newest.bound(now)
-        speed = abs(self._reached(now - bound - self._dead_time, motion))
-        driven = speed * max(bound - since, 0.0)
+        given = abs(self._reached(now - bound - self._dead_time, motion))
+        # A vehicle that slows down was faster before, also than its commands since.
+        measured = map(abs, _values_since(self._speeds, now - bound))
+        driven = max((given, *measured)) * max(bound - since, 0.0)
         return max(clear - driven - self.settings.judgement.reserve, 0.0)
 
     def ages(self, now: float) -> dict[str, float]:
@@ -291,6 +292,16 @@ class Guard:
         if self._latched and motion is not None and abs(motion.speed) > _ROLLING:
             texts.append("the vehicle moves while it is commanded to stand")
         return texts
+
+
+def _values_since(history: deque[tuple[float, T]], since: float) -> tuple[T, ...]:
+    """Values since then, the newest first, and the last one before that."""
+    recent = []
+    for at, value in reversed(history):
+        recent.append(value)
+        if at <= since:
+            break
+    return tuple(recent)
 
 
 def _moves(motion: VehicleMotion, more_than: float) -> bool:

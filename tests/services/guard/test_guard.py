@@ -59,6 +59,26 @@ def test_clear_distance_shrinks_with_the_distance_driven() -> None:
     assert not it.clear(float("nan"), 1.42, "s", 2)
 
 
+def test_clear_distance_shrinks_with_the_speed_that_was_measured_since() -> None:
+    """From 3 m/s to 1 at 5 m/s², long after the command: what was driven is not at 1 m/s."""
+    clock = [1.0]
+    it = guard(clock, awaits_clear=True, clock="shared", reserve=0.0)
+    x, at_clear = 0.0, 0.0
+    for k in range(1, 21):
+        clock[0] = now = 1.0 + 0.05 * k
+        speed = min(3.0, max(3.0 - 5.0 * (now - 1.6), 1.0))
+        x += 0.05 * speed
+        it.move(motion(speed, x), now, "r", k, WALL_TIME + now)
+        requested = BaseCommand(4.0 if k == 20 else 1.0, 0.0)
+        it.commands.take((requested, k), now, "p", k, WALL_TIME + now)
+        if now < 1.61:
+            at_clear = x
+            it.clear(4.0, now, "r", k, WALL_TIME + now)
+        decided = it.decision(now)
+    assert decided.reason.startswith("the clear distance ends")
+    assert float(decided.reason.split()[4]) <= 4.0 - (x - at_clear)
+
+
 def allowed_speed(clear: float, late: float, reserve: float = 0.15) -> float:
     """Speed that is given at 2 m/s with a clear distance that was measured earlier."""
     clock = [1.0]
