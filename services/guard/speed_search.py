@@ -86,9 +86,11 @@ def try_speeds(
         reason, where = _reason(ways, bool(inside[k]), free, clear)
     elif ways.end.touches:
         reason = "next to an obstacle it creeps"
-    allowed = min(
-        allowed / max(course.requested, TOLERANCE), creep if ways.end.touches else math.inf
-    )
+    requested = max(course.requested, TOLERANCE)
+    allowed /= requested
+    if ways.end.touches:
+        # The command's points, and the rims in a tighter turn of a command before it.
+        allowed = min(allowed, creep, CREEP / requested)
     return SpeedVerdict(allowed, brakes, reason, where, turn)
 
 

@@ -309,6 +309,18 @@ def test_the_fastest_point_of_the_body_creeps_next_to_an_obstacle(speed: float) 
     assert abs(command.speed) + command.yaw_rate * math.hypot(2.0, 0.6) <= 0.3 + 1e-9
 
 
+def test_rims_creep_in_the_turn_of_a_command_before() -> None:
+    """Straight on next to a post, while the base may still follow a turn."""
+    model, heights, start = read_model(ATV), level(), (MIDDLE, MIDDLE, 0.0)
+    heights[60, 66] = 1.5
+    before = [(0.1, 0.6)]
+    command = slopewise.guard_decision(
+        model, ground_of(heights), start, 0.0, (0.7, 0.0), before=before
+    ).command
+    tightest = model.limits.lateral_accel / 0.7**2  # less than 0.6 rad/s at 0.1 m/s [1/m]
+    assert 0.0 < 0.5 * model.vehicle.track_width * tightest * command.speed <= 0.3 + 1e-9
+
+
 def test_errors_along_the_heading_lengthen_both_ends_of_a_turn_on_the_spot() -> None:
     """Posts that the corners of the measured body pass."""
     exact, late = read_model(ATV), Tracking(along_track_std=0.1)
