@@ -172,7 +172,8 @@ class NarrowPhase {
   Hazard find_step(const Pose2d& pose, Place wheel, double back) const noexcept {
     if (is_even(pose, wheel)) return {};
     const Hazard step = way_of(pose, wheel, back).find_step();
-    if (step.any() || !is_narrow()) return step;
+    // What is one cell wide on the map may be nearly two.
+    if (step.any() || sizes_.half_tyre >= 2.0 * sizes_.margin) return step;
     return WheelWay{grid_.facets(), pose, wheel, back, middle_, slopes_around(pose, wheel), buffers_}
         .find_step();
   }

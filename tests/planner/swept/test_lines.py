@@ -158,6 +158,18 @@ def test_a_tyre_narrower_than_a_cell_falls_into_a_ditch_that_it_follows() -> Non
         assert met(ditch, path).bar > 0, heading
 
 
+def test_a_tyre_2_cm_wider_than_a_ditch_falls_into_it() -> None:
+    """A ditch of one cell that a wheel 2 cm wider follows obliquely may be wider than the wheel."""
+    model = MODELS[1]
+    cell = model.vehicle.shape.wheel_width - 0.02
+    side = 0.5 * model.vehicle.track_width
+    ditch = ground_map(lambda x, y: np.where(np.abs(y) < 0.5 * cell, -0.4, 0.0), resolution=cell)
+    for heading in (0.05, 0.08, 0.12):
+        along = np.linspace(-4.0, 4.0, 81)[:, None] * (np.cos(heading), np.sin(heading))
+        path = CandidatePath("oblique", np.array([6.0, side]) + along)
+        assert met_by(ditch, path, model).bar > 0, heading
+
+
 def test_no_corner_of_a_body_is_in_the_ground_between_coarse_cells() -> None:
     model, blocked = MODELS[0], 0
     shape = model.vehicle.shape
