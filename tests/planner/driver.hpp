@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <random>
+#include <vector>
 
 #include "batch.hpp"
 
@@ -26,6 +27,13 @@ inline void expect(bool holds, const char* what) {
   if (holds) return;
   std::fprintf(stderr, "violated: %s\n", what);
   std::exit(1);
+}
+
+// Memory of the exact size, so that a step beyond it is found.
+inline std::vector<double> numbers(Index count, double low, double high) {
+  std::vector<double> out(static_cast<std::size_t>(count));
+  for (double& number : out) number = uniform(low, high);
+  return out;
 }
 
 // Problem after problem, with its number as the seed, for as many seconds as the first argument.

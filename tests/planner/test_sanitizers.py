@@ -1,4 +1,8 @@
-"""Random input through the core under sanitizers: the whole planner, and the given paths."""
+"""Random input through the core under sanitizers: the whole planner, and the given paths.
+
+By night its bounds and its verifier as well: only there effects move a vehicle while it stops. The
+whole planner, as C++ programs have it, knows none.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,8 @@ import pytest
 from tests.world.compilers import CORE, compiler_with
 
 HERE = Path(__file__).parent
-DRIVERS = ("planner_driver.cpp", "path_driver.cpp")
+BY_DAY = ("planner_driver.cpp", "path_driver.cpp")
+BY_NIGHT = ("bounds/core_driver.cpp", "verify/verify_driver.cpp")
 SECONDS = int(os.environ.get("SLOPEWISE_FUZZ_SECONDS", 1))
 """For each program; more of a night."""
 # Reports need lines of the sources, not values of variables. What is not optimised compiles in a
@@ -24,7 +29,9 @@ OPTIONS = "-g1" if "SLOPEWISE_FUZZ_SECONDS" in os.environ else "-O0 -g1"
     not all(map(shutil.which, ("c++", "cmake", "ninja"))),
     reason="no compiler with sanitizers on the path",
 )
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize(
+    "driver", [*BY_DAY, *(pytest.param(d, marks=pytest.mark.nightly) for d in BY_NIGHT)]
+)
 def test_random_input_passes_the_sanitizers(driver: str, tmp_path: Path) -> None:
     environment = os.environ | compiler_with(OPTIONS, tmp_path)
     build = tmp_path / "build"
