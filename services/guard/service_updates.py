@@ -139,6 +139,8 @@ class ServiceUpdates:
 
     def take(self, guard: Guard) -> None:
         """Hand over what is new; called by the deciding thread, never waits for the reader."""
+        # First: a reply that is read from here on ends no wait before its groups are in use.
+        missing = self._request.missing(is_required=guard.learned.required)
         with self._news:
             groups, self._new_groups = self._new_groups, []
             new_map, self._new_map = self._new_map, None
@@ -156,9 +158,7 @@ class ServiceUpdates:
             guard.learn()
             if self._memory is not None:
                 os.pwrite(self._memory, b"1", 0)
-        guard.learned.waits, guard.learned.silence = self._request.missing(
-            is_required=guard.learned.required
-        )
+        guard.learned.waits, guard.learned.silence = missing
 
     def _on_map(self, sample: zenoh.Sample) -> None:
         with self._news:

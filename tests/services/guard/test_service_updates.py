@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +13,22 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.guard.core import Guard
+from slopewise.services.guard.parameter_request import WAITING
 from slopewise.services.guard.service_updates import LOST, MAX_WAITING, KnownMap, ServiceUpdates
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.map_message import apply_update
-from slopewise.services.wire.parameter_messages import ParameterGroup
+from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 from slopewise.services.wire.plan_messages import MapUpdate
-from tests.services.guard.guard_fixtures import MODEL, braking_group, guard, map_update
+from tests.services.guard.guard_fixtures import (
+    MODEL,
+    braking_group,
+    guard,
+    map_update,
+    parameter_group,
+)
 
 SPACE = "test/updates"
 
@@ -99,6 +108,28 @@ def hand_over(updates: ServiceUpdates, it: Guard, reason: str) -> None:
         assert time.monotonic() < until, missing
         updates.take(it)
         time.sleep(0.01)
+
+
+def test_a_reply_ends_no_wait_before_its_groups_are_in_use(
+    session: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    updates, it = ServiceUpdates(session, SPACE, None, MODEL.vehicle), guard()
+    it.learned.required = True
+    fields = {"status": "ok", "reason": "", "service": "s", "version": 2, "durable": True}
+    reply = codec.encode(ParameterReply(**fields, groups=[braking_group()]), Format.JSON)
+    sample: Any = SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: reply))
+
+    def learn() -> None:
+        updates._read_parameters(f"{SPACE}/v1/params", sample)
+
+    updates._new_groups.append(parameter_group("limits", speed=1.0))
+    monkeypatch.setattr(it, "learn", learn)  # the reply is read in this moment
+    updates.take(it)
+    assert it.learned.waits == WAITING
+    monkeypatch.undo()
+    updates.take(it)
+    assert (it.learned.waits, set(it.learned.groups)) == ("", {"limits", "braking"})
+    updates.close()
 
 
 def test_overflowing_queue_is_reported_and_parameters_are_not_crowded_out(
