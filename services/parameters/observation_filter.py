@@ -60,7 +60,7 @@ class ObservationFilter:
         source, lead = observation.source, observation.time - now
         what = f"{kind} observations of {source}"
         sequence = self._sequences.of(_name(kind, observation))
-        order = sequence.classify(observation.sequence, self._digest(observation))
+        order = sequence.classify(observation.sequence, self._digest(observation), lead)
         if not order.is_accepted:
             warn_of_order(self.notices, what, order, is_used=False)
             return order.value.replace(" ", "_")

@@ -117,7 +117,7 @@ class MapStore:
         what = f"maps of {update.source}"
         with self._lock:
             source = self._source(update)
-            order = source.sequence.classify(update.sequence, content)
+            order = source.sequence.classify(update.sequence, content, lead)
             if not order.is_accepted:
                 warn_of_order(self.warnings, what, order, is_used=False)
                 return False

@@ -201,8 +201,7 @@ def test_a_restarted_sender_is_accepted_with_its_new_clock() -> None:
 
 def test_a_restarted_count_is_accepted_after_a_few_messages_and_flagged() -> None:
     known = ObservationFilter(2.0, {"terrain:a": 2**53})
-    accepted = [sent(known, n, float(n), float(n)) for n in range(1, 7)]
-    assert accepted == [LATE] * 4 + [""] * 2
+    assert [sent(known, n, float(n), float(n)) for n in range(1, 5)] == [LATE, LATE, "", ""]
     assert known.notices.active() == ["terrain observations of a: the source restarted its count"]
 
 

@@ -130,18 +130,17 @@ def test_a_lost_patch_is_flagged_until_the_next_whole_map() -> None:
     assert incomplete == [False, True, True, True, False]
 
 
-def test_a_restarted_count_is_accepted_with_the_fifth_map_and_flagged() -> None:
+def test_a_restarted_count_is_accepted_with_the_third_map_and_flagged() -> None:
     store = MapStore()
     store.apply(update(50), "map")
     assert not store.apply(update(1, 1.0), "map")
     assert flags(store) == ["maps of mapper count backwards: ignored"]
-    for n in (2, 3, 4):
-        assert not store.apply(update(n, 1.0 * n), "map")
-    assert store.apply(update(5, 5.0), "map")
-    assert height(store) == 5.0
+    assert not store.apply(update(2, 2.0), "map")
+    assert store.apply(update(3, 3.0), "map")
+    assert height(store) == 3.0
     assert flags(store) == ["maps of mapper: the source restarted its count"]
     assert store.restarts == 1
-    assert store.apply(update(6, 4.0), "map")
+    assert store.apply(update(4, 4.0), "map")
 
 
 def test_a_map_is_identified_by_sender_and_digest() -> None:
@@ -176,8 +175,9 @@ def test_one_huge_sequence_does_not_freeze_the_map() -> None:
     store = MapStore()
     store.apply(update(7), "map")
     store.apply(update(2**53, 1.0), "map")
-    assert [store.apply(update(n, 1.0 * n), "map") for n in range(8, 13)] == [False] * 4 + [True]
-    assert height(store) == 12.0
+    assert store.apply(update(8, 2.0), "map")
+    assert height(store) == 2.0
+    assert "uses two counts" in flags(store)[0]
 
 
 def test_an_instance_of_its_own_counts_for_itself() -> None:
@@ -190,10 +190,10 @@ def test_an_instance_of_its_own_counts_for_itself() -> None:
 
 
 def test_patches_after_a_restart_are_incomplete_until_the_next_whole_map() -> None:
-    for start in ({"instance": "b", "sequence": 1}, {"sequence": 5}):
+    for start in ({"instance": "b", "sequence": 1}, {"sequence": 3}):
         store = MapStore()
         store.apply(update(50), "map")
-        for n in range(1, 5) if start["sequence"] == 5 else ():
+        for n in (1, 2) if start["sequence"] == 3 else ():
             store.apply(update(n, 9.0, patch=True, elevation=np.full((2, 2), float(n))), "map")
         patch = {"patch": True, "elevation": np.ones((2, 2)), **start}
         assert store.apply(update(**patch), "map")  # type: ignore[arg-type]
