@@ -115,7 +115,7 @@ def _patched(patch: float, x: float, y: float, radius: float, now: StopMoment) -
 def _demanded_force(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
     """F_b/W before build-up, heat and friction."""
     grade, yaw = now.grade, now.yaw
-    force = (p.m_m * v_i + p.b_m) * grade + p.m_b * v_i + p.b_b
+    force: float = (p.m_m * v_i + p.b_m) * grade + p.m_b * v_i + p.b_b
     if run >= p.step_run:
         force = force * p.step_scale + p.step_delta
     force += p.asymmetry * max(grade, 0.0) + p.nonlinearity * grade * abs(grade)
