@@ -120,6 +120,15 @@ class StopEnds(NamedTuple):
     min_loads: Floats  # lowest shares of the level static loads
     even: Floats  # the same without crests
 
+    def worst_of(self, alternative: StopEnds) -> StopEnds:
+        """Of two courses of the same stops, the longer distances and the lower loads."""
+        return StopEnds(
+            np.maximum(self.end, alternative.end),
+            self.ended & alternative.ended,
+            np.minimum(self.min_loads, alternative.min_loads),
+            np.minimum(self.even, alternative.even),
+        )
+
 
 class StopStarts(NamedTuple):
     """Beginnings of L stops, (L,); not followed further than the station ``give_up`` [m]."""
@@ -140,9 +149,7 @@ def worst_case_stops(field: StopDynamics, starts: StopStarts) -> StopEnds:
     runs_on = steepest > field.model.terrain.motion_resistance
     if field.model.braking.drive_in_dead_time == "held" or not runs_on:
         return held
-    worse_of = np.maximum, np.logical_and, np.minimum, np.minimum
-    cut = _driven(field, starts, cut=True)
-    return StopEnds(*(worse(*of) for worse, *of in zip(worse_of, held, cut, strict=True)))
+    return held.worst_of(_driven(field, starts, cut=True))
 
 
 def nominal_stops(field: StopDynamics, starts: StopStarts) -> StopEnds:

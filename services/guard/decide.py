@@ -229,12 +229,14 @@ def guard_decision(
     Raises:
         ParameterError: no numbers, or another count of them; a negative age or clear distance.
     """
-    numbers = ("speed", [speed], 1), ("age", [age], 1), ("clear", [clear], 1)
-    rows = ("pose", pose, 3), ("command", command, 2), *(("before", c, 2) for c in before)
-    for name, values, count in (*numbers, *rows):
-        if np.shape(values) != (count,) or np.asarray(values).dtype.kind not in "iuf":
+    numbers = (("speed", speed), ("age", age), ("clear", clear))
+    rows = (("pose", pose, 3), ("command", command, 2), *(("before", c, 2) for c in before))
+    shapes = [(n, of, (count,)) for n, of, count in rows] + [(n, of, ()) for n, of in numbers]
+    for name, values, shape in shapes:
+        if np.shape(values) != shape or np.asarray(values).dtype.kind not in "iuf":
+            count = math.prod(shape)
             raise ParameterError(name, f"{count} number{'s' * (count > 1)}, got {values!r}")
-    for name, value in (("age", age), ("clear", clear)):
+    for name, value in numbers[1:]:
         if not value >= 0.0:
             raise ParameterError(name, f"at least 0, got {value!r}")
     worst = _models.get(lambda: guard_model(model), model)

@@ -70,8 +70,10 @@ class KnownMap:
             self.counters["map patches repeated"] += 1
         elif self.reason:
             self.counters["map patches unused"] += 1
-        elif update.sequence != last + 1 if last is not None else is_known or update.sequence > 1:
-            self.lose(1 if last is None else max(update.sequence - last - 1, 1))
+        elif last is None and (is_known or update.sequence > 1):
+            self.lose()  # at least the one before it
+        elif last is not None and update.sequence != last + 1:
+            self.lose(max(update.sequence - last - 1, 1))
         else:
             self.map = apply_update(update, self.map)
 
