@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.vehicle import Vehicle
 
 Solver = Literal["interior_point", "osqp", "ipopt"]
 """Who smooths: an interior-point method along the stations, OSQP, or IPOPT on the exact program."""
@@ -54,10 +55,10 @@ class PlannerSettings:
             if (value := getattr(self, name)) not in kinds:
                 raise ParameterError(name, f"one of {', '.join(kinds)}, got {value!r}")
 
-    def spacing_on(self, resolution: float, wheel_radius: float) -> float:
-        """Spacing on cells of that size, for a wheel of that radius [m].
+    def spacing_on(self, resolution: float, vehicle: Vehicle) -> float:
+        """Spacing on cells of that size, for the wheels of a vehicle [m].
 
         A wheel sees two cells abreast and steps over none even in a turn. What an overhang strikes
         is seen at a pose before the wheels have climbed it.
         """
-        return min(self.spacing, resolution, wheel_radius)
+        return min(self.spacing, resolution, vehicle.wheel_radius)

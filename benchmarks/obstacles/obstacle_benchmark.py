@@ -50,7 +50,7 @@ def outcomes(cases: Iterable[ObstacleCase], models: Mapping[str, Model]) -> list
     results = []
     for case in cases:
         model = models[case.vehicle]
-        spacing = PlannerSettings().spacing_on(case.resolution, model.vehicle.wheel_radius)
+        spacing = PlannerSettings().spacing_on(case.resolution, model.vehicle)
         path = batch([path_of(case, model.vehicle)], spacing)
         solved = time_optimal_batch(map_of(case, model.vehicle), path, model)
         is_blocked = solved.bounds.barrier_station[0] < solved.profile.count[0]

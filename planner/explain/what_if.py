@@ -92,7 +92,7 @@ class WhatIf:
         """
         self._settings = settings or PlannerSettings()
         vehicle = model.vehicle
-        spacing = self._settings.spacing_on(elevation_map.resolution, vehicle.wheel_radius)
+        spacing = self._settings.spacing_on(elevation_map.resolution, vehicle)
         part = batch([path], spacing, line_limits(model))
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)

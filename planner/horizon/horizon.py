@@ -96,8 +96,7 @@ class Horizon:
         started = perf_counter()
         offered = paths if isinstance(paths, PathBatch) else None
         if not isinstance(paths, PathBatch) and len(paths) > 0:
-            wheel_radius = self.model.vehicle.wheel_radius
-            spacing = self.planner.spacing_on(elevation_map.resolution, wheel_radius)
+            spacing = self.planner.spacing_on(elevation_map.resolution, self.model.vehicle)
             offered = batch(list(paths), spacing, line_limits(self.model))
         if offered is not None and len(offered.names) == 0:
             offered = None

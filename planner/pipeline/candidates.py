@@ -117,8 +117,7 @@ class CandidatePlanner:
         Raises:
             ParameterError: names the candidate and what is wrong with its path.
         """
-        wheel_radius = self.model.vehicle.wheel_radius
-        spacing = self.settings.spacing_on(elevation_map.resolution, wheel_radius)
+        spacing = self.settings.spacing_on(elevation_map.resolution, self.model.vehicle)
         even = []
         for path in paths:
             try:

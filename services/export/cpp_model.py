@@ -74,7 +74,7 @@ def _numbers(
     terms = terms_of(model, known.motion, errors, all_loads=True)
     return (
         ("resolution", flat.resolution),
-        ("spacing", PlannerSettings().spacing_on(flat.resolution, vehicle.wheel_radius)),
+        ("spacing", PlannerSettings().spacing_on(flat.resolution, vehicle)),
         ("front", model.front),
         ("jerk", model.limits.jerk),
         ("ride_frequency", vehicle.ride_frequency),

@@ -138,8 +138,7 @@ def _plan(
     request: FleetPlanRequest,
 ) -> dict[int, SpeedPlan | RejectedCandidate]:
     """Plan paths by their number; one that cannot be used does not prevent the others."""
-    wheel_radius = planner.model.vehicle.wheel_radius
-    spacing = planner.settings.spacing_on(ground.resolution, wheel_radius)
+    spacing = planner.settings.spacing_on(ground.resolution, planner.model.vehicle)
     limits = line_limits(planner.model)
     even: dict[int, EvenPath] = {}
     rejected: dict[int, SpeedPlan | RejectedCandidate] = {}

@@ -218,8 +218,9 @@ class ServiceUpdates:
                 self._request.is_answered = True
 
     def _read_map(self, sample: zenoh.Sample | None, at: float, lost: int) -> None:
-        if lost or sample is None:
+        if lost:
             _log.warning("%s: %d updates were lost: %s", self._key, lost, LOST)
+        if lost or sample is None:
             self._known.lose(lost)
         try:
             if sample is not None:

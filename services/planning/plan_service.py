@@ -128,8 +128,8 @@ class PlanService:
             result = full_stop(f"{map_age.reasons()[0]}: full braking")
             return self._reply(request, parameters, snapshot, result)
         job = _Job(request, parameters, snapshot)
-        resolution, model = snapshot.elevation_map.resolution, parameters.model
-        spacing = self.config.planning.planner().spacing_on(resolution, model.vehicle.wheel_radius)
+        resolution, vehicle = snapshot.elevation_map.resolution, parameters.model.vehicle
+        spacing = self.config.planning.planner().spacing_on(resolution, vehicle)
         valid = validate_candidates(request, self.config.sizes, spacing, key)
         checked = time.perf_counter()
         count, is_named = len(valid.candidates), bool(request.client)

@@ -58,8 +58,7 @@ def write_job_page(
     clear: float,
 ) -> None:
     """Write the page of a planning job, all or nothing, with its files, start speed and options."""
-    resolution, wheel_radius = result.elevation_map.resolution, result.model.vehicle.wheel_radius
-    spacing = result.settings.spacing_on(resolution, wheel_radius)
+    spacing = result.settings.spacing_on(result.elevation_map.resolution, result.model.vehicle)
     facts = {
         "map": str(map_file),
         "paths": str(path_file),

@@ -91,6 +91,6 @@ def met(
 
 
 def met_by(elevation_map: ElevationMap, path: CandidatePath, model: Model) -> Met:
-    spacing = PlannerSettings().spacing_on(elevation_map.resolution, model.vehicle.wheel_radius)
+    spacing = PlannerSettings().spacing_on(elevation_map.resolution, model.vehicle)
     profile = profile_of(model, elevation_map, path, spacing=spacing)
     return Met(swept_hazards(elevation_map, profile, model), profile)

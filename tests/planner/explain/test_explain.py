@@ -265,7 +265,7 @@ def test_what_the_ground_allows_is_a_curve_of_its_own(
 ) -> None:
     ground, tables = ground_map(height, resolution=resolution), tables_with(**changes)
     model = model_of(tables)
-    spacing = PlannerSettings().spacing_on(resolution, model.vehicle.wheel_radius)
+    spacing = PlannerSettings().spacing_on(resolution, model.vehicle)
     bounds = time_optimal_batch(ground, batch([path], spacing), model).bounds
     held = bounds.limiting[:, 0] == int(bound)
     assert held.sum() >= 3

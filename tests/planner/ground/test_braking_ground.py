@@ -294,7 +294,7 @@ def test_no_wheel_rolls_over_an_unknown_or_icy_cell_between_stations(seed: int) 
     extent = {"x": (-4.0, 12.0), "y": (-10.0, 10.0), "resolution": resolution}
     hidden = ground_map(lambda x, y: 0.0 * x, unknown=on_line, **extent)
     icy = ground_map(lambda x, y: 0.0 * x, classes=on_line, class_names=("", "ice"), **extent)
-    spacing = PlannerSettings().spacing_on(resolution, BASE.vehicle.wheel_radius)
+    spacing = PlannerSettings().spacing_on(resolution, BASE.vehicle)
     unknown, on_ice = along(hidden, path, spacing=spacing), along(icy, path, spacing=spacing)
     s, x, y = tracks(unknown)
     columns = np.rint((x + 4.0) / resolution).astype(int)

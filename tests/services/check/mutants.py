@@ -150,8 +150,8 @@ def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
     if not (mutant.speed > 1.01 * honest.speed).any():
         return False
     model = question.model
-    resolution, wheel_radius = question.ground.resolution, model.vehicle.wheel_radius
-    part = batch([question.path], PlannerSettings().spacing_on(resolution, wheel_radius))
+    spacing = PlannerSettings().spacing_on(question.ground.resolution, model.vehicle)
+    part = batch([question.path], spacing)
     solved = time_optimal_batch.time_optimal_batch(question.ground, part, model)
     ground = solved.ground
     violation = verify(
