@@ -128,8 +128,10 @@ def check_clear_distance(
         return
     clear = plan.clear_distance
     station = ground.station[rows]
-    # A plan that is blocked may end up to two rows, or a cell, before the clear distance does.
-    step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), cell)
+    # A plan that is blocked may end up to two rows, or a cell, before the clear distance does; a
+    # fallback that brakes hard rests before its last row, which is moved back to where it does.
+    least = 2.0 * cell if plan.status == "degraded" else cell
+    step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), least)
     allowed = _STATION + _STATION_SHARE * (station[-1] - station[0])
     first = float(np.where(blocked, ground.station, np.inf).min())
     end = min(float(station[-1]) + step, first) + allowed
