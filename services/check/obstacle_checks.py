@@ -215,9 +215,10 @@ def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
     filled = np.interp(np.arange(len(at_rest) + length), known, at_rest[known])
     rise = filled[length:] - filled[:-length]
     padded = np.pad(rise, length)
-    # A slope on both sides continues below the step, be it with it or against it.
+    # A slope with the step continues below it from either side; one against it from both: a gap that
+    # is bridged falls on one side, and rises as far again on the other.
     slopes = np.sign(rise) * np.array([padded[: len(rise)], padded[2 * length :]])
-    with_it, against_it = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.min(axis=0), 0.0)
+    with_it, against_it = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.max(axis=0), 0.0)
     change = np.maximum(np.abs(rise) - with_it + against_it, 0.0)
     # Stretches that hold all of a step begin before it by no more than they are longer.
     more = length - _PARTS

@@ -21,6 +21,9 @@ from slopewise.services.io.files import faults_of
 from slopewise.services.io.table import Table, read_table, write_csv
 from slopewise.services.io.units import finite
 
+_ROUNDING = 1e-9
+"""Of stations: a row at the clear distance belongs to the plan [m]."""
+
 TEXT = ("candidate", "limiting", "status", "reason")
 COLUMNS = (
     "candidate",
@@ -92,7 +95,7 @@ def driven(plan: SpeedPlan) -> dict[str, Any]:
     columns = plan.columns()
     if plan.status is Status.INFEASIBLE:
         return dict(columns)
-    rows = max(int(np.count_nonzero(plan.station <= plan.clear_distance)), 1)
+    rows = max(int(np.count_nonzero(plan.station <= plan.clear_distance + _ROUNDING)), 1)
     return {name: values[:rows] for name, values in columns.items()}
 
 
