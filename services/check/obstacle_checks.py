@@ -115,7 +115,7 @@ def _edges(
     along the path has no edges; nor does one count that the wheel stands on at first, until it has
     left it or turned by two radii.
     """
-    window, band = _window(heights, vehicle), body.band(wheel[0])
+    window, band = step_length(heights, vehicle), body.band(wheel[0])
     count = _PARTS * math.ceil(float(band.max()) / window + 1.5)
     across = window / _PARTS * np.linspace(-count, count, 2 * count + 1)[:, None]
     place = points_of(body.pose, wheel[0], wheel[1] + across)
@@ -146,7 +146,7 @@ def _climb_across(
     heights: ElevationMap, body: Body, wheel: tuple[float, float], vehicle: Vehicle, across: Floats
 ) -> Floats:
     """(K, M) largest climbs of a tyre that is off its line by distances (K, 1) to the left [m]."""
-    window = _window(heights, vehicle)
+    window = step_length(heights, vehicle)
     more = 2 * _climb_parts(window, vehicle)
     step = window / _PARTS
     beyond = step * np.arange(1, more + 1)[:, None]
@@ -158,8 +158,8 @@ def _climb_across(
     return np.array(highest).T[more:-more]
 
 
-def _window(heights: ElevationMap, vehicle: Vehicle) -> float:
-    """Length over which a step rises [m]."""
+def step_length(heights: ElevationMap, vehicle: Vehicle) -> float:
+    """Length over which a step rises, so that its place is known to a half of it [m]."""
     return max(1.5 * heights.resolution, 0.5 * vehicle.wheel_radius)
 
 
@@ -186,7 +186,7 @@ def _steps(
     over a length that holds all of its climb counts at most.
     """
     along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
-    window = _window(heights, vehicle)
+    window = step_length(heights, vehicle)
     highest = np.zeros(len(along))
     if along[-1] < 3.0 * window:
         return highest
@@ -215,8 +215,8 @@ def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
     filled = np.interp(np.arange(len(at_rest) + length), known, at_rest[known])
     rise = filled[length:] - filled[:-length]
     padded = np.pad(rise, length)
-    # A slope with the step continues below it from either side; one against it from both: a gap that
-    # is bridged falls on one side, and rises as far again on the other.
+    # A slope with the step continues below it from either side; one against it from both: a gap
+    # that is bridged falls on one side, and rises as far again on the other.
     slopes = np.sign(rise) * np.array([padded[: len(rise)], padded[2 * length :]])
     with_it, against_it = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.max(axis=0), 0.0)
     change = np.maximum(np.abs(rise) - with_it + against_it, 0.0)

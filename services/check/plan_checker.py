@@ -18,7 +18,7 @@ from slopewise.services.check.check_report import CheckReport, ViolationLog
 from slopewise.services.check.checked_drive import CheckedDrive, too_tight, turning_along
 from slopewise.services.check.driving_checks import check_driving, check_speeds_at_side
 from slopewise.services.check.external_plan import ExternalPlan
-from slopewise.services.check.obstacle_checks import obstacles_along, shows_steps
+from slopewise.services.check.obstacle_checks import obstacles_along, shows_steps, step_length
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import LineGround, ground_under
 from slopewise.services.check.plan_line import Line, line_of, motion_along, widest_spacing
@@ -83,7 +83,7 @@ def check_plan_on_map(
         return _at_rest(plan)
     heights = averaged(heights, model.vehicle.wheel_radius)
     errors = input_errors(model.tracking, quantile if quantile > 0.5 else None)
-    beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0))
+    beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0), heights.resolution)
     line, sides = _line_and_sides(plan, beyond, model, errors)
     if quantile > 0.5:
         model = promised(model, quantile)
@@ -152,7 +152,8 @@ def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) 
     stops = stops_at_rows(drive, motion, worst)
     below, near, far = (breaches(drive, *of) for of in zip(tried, ends, strict=True))
     check_reported_stops(log, drive, stops, driven.moving)
-    check_clear_distance(log, drive, blocked, heights.resolution)
+    edge = step_length(heights, model.vehicle)
+    check_clear_distance(log, drive, blocked, heights.resolution, edge)
     check_status(log, drive)
     check_speed_bound(log, drive, below)
     check_limiting(log, drive, motion, near, far)
@@ -191,15 +192,20 @@ def _check_spacing(
     log.sparse.update(np.flatnonzero(steps > (1.0 + TOLERANCES["spacing"].value) * widest).tolist())
 
 
-def _tail_and_ends(plan: ExternalPlan, clear: float) -> tuple[float, Floats]:
-    """Length behind the last row, and stations before which stops from rows have to end (N,)."""
+def _tail_and_ends(plan: ExternalPlan, clear: float, cell: float) -> tuple[float, Floats]:
+    """Length behind the last row, and stations before which stops from rows have to end (N,).
+
+    ``cell``: edge of a cell of the map [m].
+    """
     steps = np.hypot(np.diff(plan.x), np.diff(plan.y))
     ends = np.full(len(plan.x), clear)
     if plan.clear_distance is not None:
         ends = np.minimum(ends, plan.clear_distance)
     beyond = 0.0
     if np.isfinite(ends).any():
-        beyond = max(float(steps[-1]), _MIN_TAIL)
+        # A fallback that brakes hard rests before its last row, which is moved back to there.
+        min_tail = 2.0 * cell if plan.status == "degraded" else 0.0
+        beyond = max(float(steps[-1]), _MIN_TAIL, min_tail)
     # The end of a row, or that of the next: the nearer one.
     ends[:-1] = np.minimum(ends[:-1], ends[1:])
     return beyond, np.where(np.isfinite(ends), ends, 1e12)

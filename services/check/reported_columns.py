@@ -117,11 +117,11 @@ def check_reported_stops(
 
 
 def check_clear_distance(
-    log: ViolationLog, drive: CheckedDrive, blocked: Bools, cell: float
+    log: ViolationLog, drive: CheckedDrive, blocked: Bools, cell: float, edge: float
 ) -> None:
     """Note clear distances beyond the first ``blocked`` sample (M,), or beyond the rows.
 
-    ``cell``: edge of a cell of the map [m].
+    ``cell``: edge of a cell of the map; ``edge``: over which a step rises on it [m].
     """
     plan, ground, rows = drive.plan, drive.ground, drive.line.at_row
     if plan.clear_distance is None:
@@ -129,12 +129,12 @@ def check_clear_distance(
     clear = plan.clear_distance
     station = ground.station[rows]
     # A plan that is blocked may end up to two rows, or a cell, before the clear distance does; a
-    # fallback that brakes hard rests before its last row, which is moved back to where it does.
-    least = 2.0 * cell if plan.status == "degraded" else cell
-    step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), least)
+    # fallback that brakes hard rests before its last row, which is moved back to there.
+    min_step = 2.0 * cell if plan.status == "degraded" else cell
+    step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), min_step)
     allowed = _STATION + _STATION_SHARE * (station[-1] - station[0])
     first = float(np.where(blocked, ground.station, np.inf).min())
-    end = min(float(station[-1]) + step, first) + allowed
+    end = min(float(station[-1]) + step, first + 0.5 * edge) + allowed
     cause = "rows end" if end - allowed < first else "known ground without obstacles ends"
     sentence = f"clear_distance is {{0:.2f}} m in the plan, where {cause} at {end - allowed:.2f} m"
     log.add("clear_distance", clear - end, sentence, clear, at=rows)

@@ -49,6 +49,7 @@ _AT_BOUND = 5e-4  # of v²: half of what is at its bound to a planner
 _BELOW_BOUND = 0.5  # of v²: planners lower bounds where their verifier objects
 _STILL = 0.05  # [m/s²] of the acceleration, as its tolerance of columns
 _FULL = 0.99  # of the acceleration that is allowed: rounding
+_SERVICE = 1.01  # of the deceleration that is allowed: who brakes harder brakes fully
 _SOME, _HALF = 0.1, 0.5  # of how fast speed may fall, and rise: less is not held back by that
 
 
@@ -118,7 +119,9 @@ def check_limiting(
     if plan.limiting is None:
         return
     names = np.array(plan.limiting)
-    moves = motion.moving[rows] & drive.ground.known[rows]
+    # Who starts too fast, and brakes fully, is held by no rule there.
+    service = motion.accel[rows] >= -_SERVICE * drive.field.model.limits.decel
+    moves = motion.moving[rows] & drive.ground.known[rows] & service
     # A bound of the row before or behind holds on the way there as well.
     wider = [set().union(*far[max(k - 1, 0) : k + 2]) for k in range(len(far))]
     slower, faster, steady = _against_motion(drive, motion)
