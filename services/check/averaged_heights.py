@@ -18,6 +18,7 @@ from slopewise.models.averaging_windows import AveragingWindows, Contrasts, aver
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.height_noise import KNOWN_SHARE, SIGNIFICANCE, averaged_noise
 from slopewise.models.recent import Recent
+from slopewise.services.physics.heights import in_blocks
 
 _DISC_EXCESS, _WINDOW_EXCESS = 2.0, 1.0
 """Scatter beyond the noise that counts as structure, in its standard deviations [1]."""
@@ -53,7 +54,8 @@ def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floa
     z = np.pad(elevation - level, margin, constant_values=np.nan)
     inner = (slice(margin, -margin), slice(margin, -margin))
     rows, columns = elevation.shape
-    blocks = _blocks(z[inner], windows.stride)
+    # Unknown where one of their cells is, or is off the map.
+    blocks = in_blocks(z[inner], windows.stride).mean(axis=(1, 3))
     jump, which, there = _structure(blocks, windows.wide, noise * windows.block_std)
     near = np.repeat(np.repeat(there, windows.stride, 0), windows.stride, 1)[:rows, :columns]
     near |= _structure(z[inner], windows.narrow, noise)[2]
@@ -71,17 +73,6 @@ def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floa
         chosen = _min_risk(z, part, margin, windows, noise, slopes)
         out[part[:, 0], part[:, 1]] = level + chosen
     return out
-
-
-def _blocks(z: Floats, stride: int) -> Floats:
-    """Means of blocks, NaN where one of their cells is unknown or beyond the map."""
-    if stride == 1:
-        return z
-    rows, columns = (-(-size // stride) for size in z.shape)
-    grown = np.full((rows * stride, columns * stride), np.nan)
-    grown[: z.shape[0], : z.shape[1]] = z
-    means: Floats = grown.reshape(rows, stride, columns, stride).mean(axis=(1, 3))
-    return means
 
 
 def _structure(z: Floats, contrasts: Contrasts, noise: float) -> tuple[Floats, Ints, Bools]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from slopewise.models.recent import Recent
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.io import npz_map
 from slopewise.services.io.files import faults_of
-from slopewise.services.physics.heights import height_of, in_cells
+from slopewise.services.physics.heights import height_of, in_blocks, in_cells
 
 _PAIRS = 10
 """Pairs of cells under a tyre [1]: a fifth of the noise of cells is left, as of a disc of 25."""
@@ -143,50 +143,47 @@ class ObstacleLayers:
         shift = 0.5 * (block - 1) * ground.resolution
         shift -= self.cell  # to the frame
         self.origin = ground.origin[0] + shift, ground.origin[1] + shift
-        height = _blocks(z, block, np.nan)
+        height = in_blocks(z, block).max(axis=(1, 3))  # unknown where one of its cells is
         self._facets = _framed(_of_corners(height), np.nan)
         self._cells = _framed(height, np.nan)
-        edges = _blocks(_edges(z, ground.resolution, vehicle, self.noise), block, 0.0)
-        self._edges = _framed(_of_corners(edges), 0.0)
-        blocked = np.isnan(self._facets) | (self._edges > 0.0)
+        edges = _edges(z, ground.resolution, vehicle, self.noise)
+        edges = _of_corners(in_blocks(edges, block, 0.0).max(axis=(1, 3)))
+        self._edges = _framed(edges > 0.0, False)
+        blocked = np.isnan(self._facets) | self._edges
         highest = np.where(blocked, np.float32(np.inf), self._facets + np.float32(_ROUNDING))
         self._near = _spread(highest, HALF_DIAGONAL / self.cell)
 
-    def heights(self, x: Floats, y: Floats, *, exact: bool) -> Floats:
-        """Highest ground at points [cells from :attr:`origin`], above :attr:`datum` [m]; NaN.
+    def facets(self, x: Floats, y: Floats) -> tuple[Floats, Bools]:
+        """Facets at points [cells from :attr:`origin`]: highest ground, above :attr:`datum` [m].
 
-        ``exact``: of the cell that holds the point, instead of the facet.
+        NaN where unknown; and whether a wheel would meet a step.
         """
-        return _at(self._cells, x + 0.5, y + 0.5) if exact else _at(self._facets, x, y)
+        at = _places(self._facets, x, y)
+        return self._facets.take(at), self._edges.take(at)
+
+    def cells(self, x: Floats, y: Floats) -> Floats:
+        """Ground of the cells that hold points, as of :meth:`facets`."""
+        ground: Floats = self._cells.take(_places(self._cells, x + 0.5, y + 0.5))
+        return ground
 
     def highest_near(self, x: Floats, y: Floats) -> Floats:
         """Highest ground within :data:`HALF_DIAGONAL` of points [cells], above the datum [m].
 
         Infinite near unknown ground and near steps at wheels.
         """
-        return _at(self._near, x, y)
+        return self._near.take(_places(self._near, x, y))
 
     def place(self, x: Floats | float, y: Floats | float) -> tuple[float, float]:
         """Place on the map [m] of a point [cells from :attr:`origin`]."""
         return float(self.origin[0] + self.cell * x), float(self.origin[1] + self.cell * y)
 
-    def edges(self, x: Floats, y: Floats) -> Bools:
-        """Return True at points [cells from :attr:`origin`] where a wheel would meet a step."""
-        return _at(self._edges, x, y) > 0.0
+
+def _places(layer: Floats, x: Floats, y: Floats) -> Ints:
+    """Places of points in a framed layer, row by row; off the map those of its frame."""
+    return np.ravel_multi_index((y.astype(np.intp), x.astype(np.intp)), layer.shape, mode="clip")
 
 
-def _at(layer: Floats, x: Floats, y: Floats) -> Floats:
-    """Values of a framed layer; off the map those of its frame."""
-    rows, columns = layer.shape
-    column, row = (
-        np.minimum(np.maximum(of, 0.0), size - 1.0).astype(np.int32)
-        for of, size in ((x, columns), (y, rows))
-    )
-    values: Floats = layer.ravel().take(row * np.int32(columns) + column)
-    return values
-
-
-def _framed(layer: Floats, outside: float) -> Floats:
+def _framed(layer: Any, outside: float) -> Any:
     return np.pad(layer, 1, constant_values=outside)
 
 
@@ -211,17 +208,6 @@ def _spread(layer: Floats, radius: float) -> Floats:
         across = 1 + math.floor(math.sqrt(max(radius**2 - (k - 1) ** 2, 0.0)) + _ROUNDING)
         for first in (reach - k, reach + k):
             highest = np.maximum(highest, wide[min(across, reach)][first : first + rows])
-    return highest
-
-
-def _blocks(z: Floats, block: int, outside: float) -> Floats:
-    """Highest of each block of cells, NaN if one is unknown."""
-    if block == 1:
-        return z
-    rows, columns = (-(-size // block) for size in z.shape)
-    pad = [(0, block * n - size) for n, size in zip((rows, columns), z.shape, strict=True)]
-    padded = np.pad(z, pad, constant_values=outside)
-    highest: Floats = padded.reshape(rows, block, columns, block).max(axis=(1, 3))
     return highest
 
 

@@ -34,6 +34,7 @@ _REMEMBERED = 50
 overtaken: a second of odometry [1]."""
 
 _LATE = 0.5  # share of the deadline from which a message that arrives late is reported [1]
+_CONFLICT = "two senders"  # event
 
 
 @dataclass(slots=True)
@@ -52,10 +53,8 @@ class InputFeed(Generic[T]):
     _value: T | None = None
     _at: float = -math.inf
     _sender: str = ""
-    _conflict: str = ""  # two senders at the same time, as text, last seen at a moment [s]
-    _conflict_at: float = -math.inf
     _senders: SenderTable[str, _Sender] = field(init=False)
-    _events: dict[str, tuple[float, str]] = field(default_factory=dict)
+    _events: dict[str, tuple[float, str]] = field(default_factory=dict)  # last time and text
 
     def __post_init__(self) -> None:
         self.newest = self._new_sender()
@@ -117,9 +116,7 @@ class InputFeed(Generic[T]):
 
     def _conflicts(self, sender: str, now: float) -> None:
         senders = " and ".join(sorted((self._sender, sender)))
-        self._conflict = f"{self.name} comes from two senders, {senders}"
-        self._conflict_at = now
-        self.record("two senders", now, self._conflict)
+        self.record(_CONFLICT, now, f"{self.name} comes from two senders, {senders}")
 
     def _check_clocks(self, lateness: Lateness, now: float) -> None:
         if lateness.repeated:
@@ -150,7 +147,8 @@ class InputFeed(Generic[T]):
 
     def conflict(self, now: float) -> str:
         """Two senders, as text, until one of them has been silent for the deadline; else ""."""
-        return self._conflict if now - self._conflict_at <= self.deadline else ""
+        at, text = self._events.get(_CONFLICT, (-math.inf, ""))
+        return text if now - at <= self.deadline else ""
 
     def is_arriving(self, now: float) -> bool:
         """Return True if a message came within the deadline, however late or unusable."""

@@ -122,8 +122,8 @@ class SweptBody:
         layers, points, start = self._layers, self._points, self._in_cells[:, -1, 0]
         ahead, left = points.ahead.ravel(), points.left.ravel()
         x, y = points_of(start[:4], ahead / layers.cell, left / layers.cell)
-        struck = layers.heights(x, y, exact=False) > _underside(start, ahead, left)
-        struck |= layers.edges(x, y) & points.main.ravel()
+        top, edges = layers.facets(x, y)
+        struck = (top > _underside(start, ahead, left)) | (edges & points.main.ravel())
         return bool(struck.any() or self._struck_beyond().any())
 
     def _struck_beyond(self) -> Bools:
@@ -131,7 +131,7 @@ class SweptBody:
         ahead, left = self._points.beyond[:2]
         start, cell = self._in_cells[:, -1, 0], self._layers.cell
         x, y = points_of(start[:4], ahead / cell, left / cell)
-        struck: Bools = self._layers.heights(x, y, exact=True) > _underside(start, ahead, left)
+        struck: Bools = self._layers.cells(x, y) > _underside(start, ahead, left)
         return struck
 
     def _approached(self) -> Contact | None:
@@ -160,9 +160,11 @@ class SweptBody:
         layers, cell, points = self._layers, self._layers.cell, self._points
         some, ahead, left = self._in_cells[:, n, s, None], points.ahead[t], points.left[t]
         x, y = points_of(some[:4], ahead / cell, left / cell)
-        top = layers.heights(x, y, exact=self._touches)
-        hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
-        hits[2] &= points.wheel[t]
+        top, edges = layers.facets(x, y)
+        if self._touches:
+            top = layers.cells(x, y)
+        struck = top > _underside(some, ahead, left)
+        hits = np.array((np.isnan(top), struck, edges & points.wheel[t]))
         if hits.any():
             self._exempt_start(hits, some, t)
         blocked = hits.any(axis=(0, 2))
@@ -223,7 +225,7 @@ class SweptBody:
         normal = points.normal_ahead[at], points.normal_left[at]
         outward = _outward(place, normal, moved, poses[7, m, 0]) > _OUTWARD
         leading = (normal[0] > 0.0) & (moved.share > 0.0)
-        on_step = layers.edges(*points_of(start[:4], ahead / cell, left / cell))
+        _, on_step = layers.facets(*points_of(start[:4], ahead / cell, left / cell))
         on_step &= np.hypot(along - ahead, across - left) < cell
         hits[:, m, p] &= np.array(
             (~within | leading | (~close & outward), ~within | outward, ~on_step)

@@ -1,4 +1,4 @@
-"""Heights of a map at any point: bilinear between cell centres, unknown next to unknown cells."""
+"""Heights of a map: by blocks of cells, and at any point, bilinear between the cell centres."""
 
 from __future__ import annotations
 
@@ -33,3 +33,11 @@ def height_of(ground: ElevationMap, x: Floats, y: Floats) -> Floats:
     high = (1.0 - p) * north_west + p * north_east
     height = (1.0 - q) * low + q * high
     return height if all_inside else np.where(inside, height, np.nan)
+
+
+def in_blocks(cells: Floats, edge: int, outside: float = np.nan) -> Floats:
+    """(rows, edge, columns, edge): cells of square blocks, those off the map as given."""
+    pad = [(0, -size % edge) for size in cells.shape]
+    padded = np.pad(cells, pad, constant_values=outside)
+    rows, columns = (size // edge for size in padded.shape)
+    return padded.reshape(rows, edge, columns, edge)

@@ -125,7 +125,7 @@ def test_steps_block_wheels_from_their_height_on_and_slopes_do_not(
             layers = ObstacleLayers(ground_of(z, cell), MODEL.vehicle)
             x = (4.0 - 3.0 * math.sin(angle)) / math.cos(angle)
             line = (x + np.arange(-0.3, 0.3, 0.05) - layers.origin[0]) / layers.cell
-            hit = layers.edges(line, np.full_like(line, (3.0 - layers.origin[1]) / layers.cell))
+            _, hit = layers.facets(line, np.full_like(line, (3.0 - layers.origin[1]) / layers.cell))
             assert hit.any() == blocks, (height, cell, angle)
 
 
