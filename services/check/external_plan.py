@@ -5,33 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.errors import ParameterError
-
-COLUMNS: dict[str, str] = {
-    "x": "m",
-    "y": "m",
-    "speed": "m/s",
-    "station": "m",
-    "z": "m",
-    "grade": "rad",
-    "roll": "rad",
-    "curvature": "1/m",
-    "accel": "m/s²",
-    "time": "s",
-    "stop_distance": "m",
-    "clear_distance": "m",
-    "rear_load": "1",
-    "side_load": "1",
-    "speed_bound": "m/s",
-    "speed_limit": "m/s",
-    "path_deviation": "m",
-}
-"""Columns of numbers that are checked, with their units; the first three are needed."""
 
 TEXT = ("limiting", "status", "reason")
 """Columns of text that are checked; the last two are the same in all rows."""
@@ -51,24 +30,25 @@ class ExternalPlan:
     """
 
     name: str
-    x: Floats  # x, y: reference point of the vehicle in map coordinates [m]
-    y: Floats
-    speed: Floats  # v >= 0; v² is linear between rows [m/s]
-    station: Floats | None = None  # metres along the ground, in three dimensions
-    z: Floats | None = None  # height of the ground [m]
-    grade: Floats | None = None  # grade, roll: uphill and left side up positive [rad]
-    roll: Floats | None = None
-    curvature: Floats | None = None  # left positive [1/m]
-    accel: Floats | None = None  # holds from its row to the next [m/s²]
-    time: Floats | None = None  # since the start [s]
-    stop_distance: Floats | None = None  # emergency stop from each row, safety offset included [m]
-    clear_distance: Floats | None = None  # station before which every stop ends [m]
-    # rear_load, side_load: least loads on that stop, as shares of the level static ones
-    rear_load: Floats | None = None
-    side_load: Floats | None = None
-    speed_bound: Floats | None = None  # highest speed that every bound allows [m/s]
-    speed_limit: Floats | None = None  # speed limit of the path [m/s]
-    path_deviation: Floats | None = None  # largest distance of the given path around each row [m]
+    x: Annotated[Floats, "m"]  # x, y: reference point of the vehicle in map coordinates
+    y: Annotated[Floats, "m"]
+    speed: Annotated[Floats, "m/s"]  # v >= 0; v² is linear between rows
+    station: Annotated[Floats | None, "m"] = None  # along the ground, in three dimensions
+    z: Annotated[Floats | None, "m"] = None  # height of the ground
+    grade: Annotated[Floats | None, "rad"] = None  # grade, roll: uphill and left side up positive
+    roll: Annotated[Floats | None, "rad"] = None
+    curvature: Annotated[Floats | None, "1/m"] = None  # left positive
+    accel: Annotated[Floats | None, "m/s²"] = None  # holds from its row to the next
+    time: Annotated[Floats | None, "s"] = None  # since the start
+    # emergency stop from each row, safety offset included; station before which every stop ends
+    stop_distance: Annotated[Floats | None, "m"] = None
+    clear_distance: Annotated[Floats | None, "m"] = None
+    # least loads on that stop, as shares of the level static ones
+    rear_load: Annotated[Floats | None, "1"] = None
+    side_load: Annotated[Floats | None, "1"] = None
+    speed_bound: Annotated[Floats | None, "m/s"] = None  # highest speed that every bound allows
+    speed_limit: Annotated[Floats | None, "m/s"] = None  # of the path
+    path_deviation: Annotated[Floats | None, "m"] = None  # most of the given path around each row
     limiting: tuple[str, ...] | None = None  # (N,) names of what holds at each row
     status: str = ""  # as the planner calls it, "" if not reported
     reason: str | None = None  # sentence about the status, None if not reported
@@ -119,6 +99,13 @@ class ExternalPlan:
 
 
 GivenPlan = ExternalPlan  # The class under its public name
+
+COLUMNS: dict[str, str] = {
+    name: kind.__metadata__[0]
+    for name, kind in get_type_hints(ExternalPlan, include_extras=True).items()
+    if hasattr(kind, "__metadata__")
+}
+"""Columns of numbers that are checked, with their units; the first three are needed."""
 
 
 def plan_of_columns(

@@ -23,16 +23,7 @@ class LimitsGroup(ValueGroup):
 
     of_operators = True
     name = "limits"
-    units: ClassVar = {
-        "speed": "m/s",
-        "accel": "m/s²",
-        "decel": "m/s²",
-        "jerk": "m/s³",
-        "lateral_accel": "m/s²",
-        "vertical_accel": "m/s²",
-        "min_load": "1",
-        "max_path_deviation": "m",
-    }
+    units: ClassVar = {field.name: field.metadata["unit"] for field in dataclasses.fields(Limits)}
 
     def __init__(self, prior: Model, settings: Learning) -> None:
         super().__init__()

@@ -58,13 +58,9 @@ function restOf(plan) {
 
 function nearestStation(plan, station) {
   const stations = plan.columns.station;
-  let low = 0;
-  let high = stations.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (stations[middle] <= station) low = middle; else high = middle;
-  }
-  return station - stations[low] < stations[high] - station ? low : high;
+  const beyond = stations.findIndex((at) => at > station);
+  if (beyond < 1) return beyond < 0 ? stations.length - 1 : 0;
+  return station - stations[beyond - 1] < stations[beyond] - station ? beyond - 1 : beyond;
 }
 
 const clearAhead = (plan, k) => (plan.clear === null ? null : plan.clear - plan.columns.station[k]);
