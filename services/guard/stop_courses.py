@@ -26,9 +26,10 @@ _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
 
-_NEAR = 16
-"""Samples of the first block [1]: behind the first contact none is needed, and most contacts are
-close. The rest is one block, because a block costs as much as thirty samples."""
+_NEAR, _FEW = 16, 128
+"""Samples of the first block, and poses of it [1], the more of both: behind the first contact none
+is needed, and most contacts are close. The rest is one block, because a block costs as much as
+thirty samples of a fan."""
 
 _MAX_COURSES = 24  # more than turns of half a revolution need [1]
 
@@ -100,7 +101,8 @@ def courses_ahead(scene: GuardScene, pose: Pose2d, course: Course, length: float
     poses = BodyPoses(x, y, cos, sin, planes, turn, share, axis)
     reach = (shape.front, shape.rear) if course.forward else (shape.rear, shape.front)
     ground, body = _WheelPlanes(scene, poses, step), SweptBody(scene, poses, reach)
-    known, size, posed, end = 0, _NEAR, 0, Contact(0, "", None)
+    known, posed, end = 0, 0, Contact(0, "", None)
+    size = max(_NEAR, _FEW // len(turn))
     while known < count and not end.reason:
         block = slice(known, min(known + size, count))
         new = slice(posed, block.stop)
