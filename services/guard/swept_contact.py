@@ -34,7 +34,7 @@ _FACET = math.sqrt(2.0)
 _SHARES = 0.75, 0.5, 0.25, 0.0
 """Shares of the errors of the pose that are tried next to obstacles [1]."""
 
-_TOGETHER, _MIN_SAMPLES = 600, 16
+_TOGETHER, _MIN_SAMPLES, _TILES = 600, 16, 200
 """Poses whose tiles are looked up together at first, for as many samples at least, and tiles whose
 points are [1]: most may lie behind the first contact."""
 
@@ -90,8 +90,8 @@ class SweptBody:
         first, count = block.start, max(_TOGETHER // len(self._poses.x), _MIN_SAMPLES)
         while first < block.stop:
             tiles = self._near_tiles(slice(first, min(first + count, block.stop)))
-            for k in range(0, len(tiles[0]), _TOGETHER):
-                if (contact := self._contact(*(of[k : k + _TOGETHER] for of in tiles))) is not None:
+            for k in range(0, len(tiles[0]), _TILES):
+                if (contact := self._contact(*(of[k : k + _TILES] for of in tiles))) is not None:
                     return contact
             first, count = first + count, 2 * count
         return Contact(self._poses.x.shape[1], "", None, self._touches)
