@@ -124,12 +124,12 @@ def _start(design: Floats, observed: Floats, noise: Floats, mean: Floats, info: 
     root = np.linalg.cholesky(info).T
     scale = max(float(np.median(noise)), 1e-6)
     weight = 1.0 / np.maximum(noise, scale)
+    jacobian = np.concatenate((-design * weight[:, None], root))
 
     def residual(beta: Floats) -> Floats:
         return np.concatenate(((observed - design @ beta) * weight, root @ (beta - mean)))
 
-    plain = least_squares(residual, mean, method="trf", loss="soft_l1", f_scale=1.0)
-    solution: Floats = plain.x
+    solution: Floats = least_squares(residual, mean, jac=lambda _: jacobian, loss="soft_l1").x
     return solution
 
 
