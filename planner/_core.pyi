@@ -103,10 +103,7 @@ def surface_bits(
     origin_x: float,
     origin_y: float,
     per_metre: float,
-    x: Floats,
-    y: Floats,
-    heading_x: Floats,
-    heading_y: Floats,
+    body: BodyRows,
     half_length: float,
     half_width: float,
 ) -> Ints: ...

@@ -41,6 +41,13 @@ struct Alike {
 inline constexpr Alike<double> alike_infinite{no_limit};
 inline constexpr Alike<std::int64_t> alike_zero{0};
 
+// Poses of M candidates of N stations, (N, M) each: middle of the wheelbase [m], unit vector of the
+// heading of the body.
+struct PoseRows {
+  Index stations, candidates;
+  const double *x, *y, *heading_x, *heading_y;
+};
+
 // Terrain below M candidates of up to N stations; units as in planner/ground/terrain_profile.py.
 struct TerrainRows {
   Index stations, candidates;

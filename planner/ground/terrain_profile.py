@@ -117,7 +117,7 @@ def terrain_profile(
             elevation_map.terrain_class,
             *elevation_map.origin,
             1.0 / elevation_map.resolution,
-            *body,
+            body,
             0.5 * length,
             0.5 * width,
         )

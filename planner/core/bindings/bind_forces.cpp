@@ -91,17 +91,12 @@ std::tuple<Made<double>, Made<bool>, Made<double>> braking_forces(
 }
 
 Made<std::int64_t> surface_bits(const Classes2& classes, double origin_x, double origin_y,
-                                double per_metre, const Input2& x, const Input2& y,
-                                const Input2& heading_x, const Input2& heading_y,
-                                double half_length, double half_width) {
-  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  for (const Input2* rows : {&y, &heading_x, &heading_y}) {
-    expect_shape("y, heading_x, heading_y", *rows, {n, m});
-  }
-  const auto bits = make_rows<std::int64_t>(n, m);
+                                double per_metre, const nb::handle& body, double half_length,
+                                double half_width) {
+  const PoseRows poses = poses_of(body);
+  const auto bits = make_rows<std::int64_t>(poses.stations, poses.candidates);
   const ClassMap map{classes.data(), static_cast<Index>(classes.shape(0)),
                      static_cast<Index>(classes.shape(1)), origin_x, origin_y, per_metre};
-  const PoseRows poses{n, m, x.data(), y.data(), heading_x.data(), heading_y.data()};
   const nb::gil_scoped_release release;
   find_surface_bits(map, poses, half_length, half_width, bits.data());
   return bits;

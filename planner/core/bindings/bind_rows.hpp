@@ -49,6 +49,15 @@ const T* member_line(const nb::handle& owner, const char* name, Index candidates
   return line.data();
 }
 
+// Of a `BodyRows`.
+inline PoseRows poses_of(const nb::handle& rows) {
+  const auto x = member_array<Input2>(rows, "x");
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  if (n * m == 0) throw nb::value_error("x: expected positions, got none");
+  const auto row = [&](const char* name) { return member_rows<double>(rows, name, n, m).data; };
+  return {n, m, row("x"), row("y"), row("heading_x"), row("heading_y")};
+}
+
 // Of a `TerrainProfile`.
 inline TerrainRows terrain_of(const nb::handle& rows) {
   const auto station = nb::cast<Input2>(rows.attr("station"));

@@ -88,18 +88,16 @@ const T* beginning_of(const nb::handle& profile, const char* name, Index station
 std::tuple<Made<std::int64_t>, Made<double>, Index> sweep_paths(
     const MapBroadPhase& self, const nb::handle& body, const nb::handle& profile, double spacing,
     const std::optional<Input2>& across, const Counts1& code_of_kind) {
-  const auto x = member_array<Input2>(body, "x");
-  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  const PoseRows poses = poses_of(body);
+  const Index n = poses.stations, m = poses.candidates;
   const auto code = make_rows<std::int64_t>(n, m);
   const auto found = make_array(m, 4);
-  const auto rows = [&](const char* name) { return member_rows<double>(body, name, n, m).at(0); };
   expect_shape("code_of_kind", code_of_kind, {hazard_kinds});
   if (across.has_value() != self.grid.band().has_width) {
     throw nb::value_error("across: expected an array where the broad phase has a band, else None");
   }
   if (across) expect_shape("across", *across, {n, m});
-  const SweptPaths paths{n, m, rows("x"), rows("y"), rows("heading_x"), rows("heading_y"),
-                         beginning_of<double>(profile, "station", n, m),
+  const SweptPaths paths{poses, beginning_of<double>(profile, "station", n, m),
                          member_line<std::int64_t>(profile, "count", m),
                          beginning_of<bool>(profile, "known", n, m),
                          beginning_of<float>(profile, "twist", n, m),
@@ -115,18 +113,13 @@ std::tuple<Made<std::int64_t>, Made<double>, Index> sweep_paths(
 // `limits` are those of a ride, in the order of RideLimits.
 Made<double> roughness_speeds(const MapGrid& map, const nb::handle& profile, const Input1& spacing,
                               nb::handle sizes, const std::array<double, 6>& limits) {
+  const PoseRows poses = poses_of(profile.attr("body"));
+  const Index n = poses.stations, m = poses.candidates;
   const auto front = member_array<Floats3>(profile, "front");
-  const auto n = static_cast<Index>(front.shape(0)), m = static_cast<Index>(front.shape(2));
   expect_shape("spacing", spacing, {m});
   expect_shape("front", front, {n, 2, m});
-  if (n * m == 0) throw nb::value_error("front: expected stations, got none");
-  const nb::object body = profile.attr("body");
-  const auto first = [&](const nb::handle& owner, const char* name) {
-    return member_rows<double>(owner, name, n, m).at(0);
-  };
   const auto held = make_rows(n, m);
-  const RiddenPaths on{n, m, first(body, "x"), first(body, "y"), first(body, "heading_x"),
-                       first(body, "heading_y"), first(profile, "z"), spacing.data(),
+  const RiddenPaths on{poses, member_rows<double>(profile, "z", n, m).data, spacing.data(),
                        member_line<std::int64_t>(profile, "count", m), front.data(), held.data()};
   const VehicleEnvelope envelope = envelope_of(sizes);
   const auto& [frequency, damping, vertical_accel, speed, noise, cell] = limits;

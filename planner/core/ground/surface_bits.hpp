@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "batch.hpp"
+#include "candidate_rows.hpp"
 
 namespace slopewise {
 
@@ -27,12 +27,6 @@ struct ClassMap {
     constexpr std::int64_t bit = 1;
     return bit << cell[0] | bit << cell[east] | bit << cell[north] | bit << cell[north + east];
   }
-};
-
-// Poses of M candidates, (N, M) each: middle of the wheelbase [m], unit vector of the heading.
-struct PoseRows {
-  Index stations, candidates;
-  const double *x, *y, *heading_x, *heading_y;
 };
 
 // Classes below the wheels and the middle of a rectangle of wheels, (N, M); half sizes in m.

@@ -81,6 +81,10 @@ struct Planner::Candidates {
   void limit_by_rough_ground();
   void limit_by_steering();
   [[nodiscard]] TerrainRows terrain() const noexcept;
+  [[nodiscard]] PoseRows poses() noexcept {
+    return {stations, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
+            body_heading_y.data()};
+  }
   // With this lower bound.
   [[nodiscard]] ForceRows forces(const OwnRows& slope, const OwnRows& intercept) const noexcept;
   [[nodiscard]] Numbers sliding_friction() const noexcept {

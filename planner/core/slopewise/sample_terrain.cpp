@@ -152,9 +152,7 @@ void Planner::Candidates::sweep_body() {
                      1.0 / map.resolution};
   const BroadPhase phase(view, map.resolution, model.envelope, band,
                          {stations, candidates, body_x.data(), body_y.data()}, 0.0);
-  const SweptPaths paths{stations, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
-                         body_heading_y.data(), station.data(), count.data(), known.get(),
-                         twist.data(), spacing,
+  const SweptPaths paths{poses(), station.data(), count.data(), known.get(), twist.data(), spacing,
                          banded ? across.data() : nullptr};
   std::vector<double> found(static_cast<std::size_t>(4 * candidates)),
       memory(static_cast<std::size_t>(NarrowPhase::memory_size(phase, spacing)));
@@ -168,9 +166,8 @@ void Planner::Candidates::limit_by_rough_ground() {
   limit_ride_speeds(grid, model.envelope,
                         {model.ride_frequency, model.ride_damping, model.limits.vertical_accel,
                          model.limits.speed},
-                        {stations, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
-                         body_heading_y.data(), z.data(), spacing.data(), count.data(),
-                         front.data(), rough_speed.data()});
+                        {poses(), z.data(), spacing.data(), count.data(), front.data(),
+                         rough_speed.data()});
 }
 
 // Turns that are too tight at any speed, or too sudden for the speed; the first station, where the

@@ -25,6 +25,13 @@ struct RideStations {
   auto operator<=>(const RideStations&) const = default;
 };
 
+// Frequency of the bounce [Hz], its share of the critical damping [1]; highest amplitude of the
+// vertical acceleration [m/s²] and speed [m/s]; noise of the heights of cells that is not averaged
+// away, independent of each other, and edge of one [m].
+struct RideLimits {
+  double frequency, damping, vertical_accel, speed, noise = 0.0, cell = 1.0;
+};
+
 // The quarter car on stations a spacing apart, and how its wheel rolls over them.
 struct QuarterCar : RideStations {
   double frequency, damping;  // of the bounce [rad/s], share of the critical one [1]
@@ -32,11 +39,9 @@ struct QuarterCar : RideStations {
   double slowest;             // of the speeds that are tried [m/s]
   double spacing;             // [m]
   double radius;              // of the wheel [m]
-  double noise = 0.0;         // of the heights of cells, independent of each other [m]
-  double cell = 1.0;          // edge of one [m]
+  double noise, cell;         // as of RideLimits
 
-  QuarterCar(const VehicleEnvelope& sizes, double frequency_hz, double damping_ratio,
-             double vertical_accel, double max_speed, double station_spacing) noexcept
+  QuarterCar(const VehicleEnvelope& sizes, const RideLimits& ride, double station_spacing) noexcept
       : RideStations{static_cast<Index>(contact_of(sizes) / station_spacing),
                      static_cast<Index>(0.5 * patch_radii * sizes.radius / station_spacing),
                      static_cast<Index>(std::ceil(2.0 * sizes.half_length / station_spacing)),
@@ -44,9 +49,9 @@ struct QuarterCar : RideStations {
                          static_cast<Index>(std::ceil(sizes.radius / station_spacing)), 1),
                      static_cast<Index>(std::ceil(pre_roll_wheelbases * 2.0 * sizes.half_length /
                                                   station_spacing))},
-        frequency(2.0 * std::numbers::pi * frequency_hz), damping(damping_ratio),
-        limit(vertical_accel), slowest(max_speed * std::pow(speed_ratio, speed_levels - 1)),
-        spacing(station_spacing), radius(sizes.radius) {}
+        frequency(2.0 * std::numbers::pi * ride.frequency), damping(ride.damping),
+        limit(ride.vertical_accel), slowest(ride.speed * std::pow(speed_ratio, speed_levels - 1)),
+        spacing(station_spacing), radius(sizes.radius), noise(ride.noise), cell(ride.cell) {}
 
  private:
   // Length of the tyre's contact, over which it evens the ground out, in wheel radii.

@@ -3,54 +3,58 @@
 
 #include <vector>
 
-#include "ground/ground_behind.hpp"
+#include "ground/terrain.hpp"
 #include "swept/roughness.hpp"
 
 namespace slopewise {
 
-// Frequency of the bounce [Hz] and its damping [1]; highest vertical acceleration [m/s²] and speed
-// [m/s]; noise of the map that is not averaged away, and edge of its cells [m].
-struct RideLimits {
-  double frequency, damping, vertical_accel, speed, noise = 0.0, cell = 1.0;
-};
-
-// M candidates on the ground: at their first stations middle of the wheelbase [m], heading, height
-// [m]; distance between stations [m]; the rest as of RoughPaths.
-struct RiddenPaths {
-  Index stations, candidates;
-  const double *x, *y, *heading_x, *heading_y, *level, *spacing;
-  const std::int64_t* count;
-  const float* front;
-  double* held;
-};
+// The ground behind the first stations, on a straight way to them.
+inline void sample_behind(const HeightGrid& grid, const RiddenPaths& on, double length,
+                          double width) noexcept {
+  detail::Places places;
+  detail::Lanes back_x, back_y, height;
+  for (Index first = 0; first < on.candidates; first += wide) {
+    const Index lanes = std::min<Index>(wide, on.candidates - first);
+    const double *heading_x = on.heading_x + first, *heading_y = on.heading_y + first;
+    for (Index k = on.behind_stations - 1; k >= 0; --k) {
+      for (Index j = 0; j < lanes; ++j) {
+        const auto n = static_cast<std::size_t>(j);
+        const double back = static_cast<double>(on.behind_stations - k) * on.spacing[first + j];
+        back_x[n] = on.x[first + j] - back * heading_x[j];
+        back_y[n] = on.y[first + j] - back * heading_y[j];
+      }
+      for (Index side = 0; side < 2; ++side) {
+        detail::locate(grid, back_x.data(), back_y.data(), heading_x, heading_y, 0.5 * length,
+                       (side == 0 ? 0.5 : -0.5) * width, lanes, places);
+        detail::interpolate(grid, places, lanes, height);
+        float* out = on.behind + (2 * k + side) * on.candidates + first;
+        const float* later = k == on.behind_stations - 1
+                                 ? on.front + side * on.candidates + first
+                                 : out + 2 * on.candidates;
+        detail::above_first(height, on.level + first, later, lanes, out);
+      }
+    }
+  }
+}
 
 // What roughness allows along candidates, and what lies behind them. Memory is kept by the thread.
 inline void limit_ride_speeds(const HeightGrid& grid, const VehicleEnvelope& vehicle,
-                              const RideLimits& limits, const RiddenPaths& on) {
+                              const RideLimits& limits, RiddenPaths on) {
   thread_local std::vector<float> memory;
   thread_local std::vector<QuarterCar> cars;
-  thread_local std::vector<Index> order;
   cars.clear();
-  order.resize(static_cast<std::size_t>(on.candidates));
-  Index pre_roll = 0;
   for (Index j = 0; j < on.candidates; ++j) {
-    cars.emplace_back(vehicle, limits.frequency, limits.damping, limits.vertical_accel,
-                      limits.speed, on.spacing[j]);
-    cars.back().noise = limits.noise;
-    cars.back().cell = limits.cell;
-    pre_roll = std::max(pre_roll, cars.back().pre_roll);
+    cars.emplace_back(vehicle, limits, on.spacing[j]);
+    on.behind_stations = std::max(on.behind_stations, cars.back().pre_roll);
   }
-  RoughPaths paths{pre_roll, on.stations, on.candidates, nullptr,
-                   on.front, on.count,    cars.data(),   on.held};
-  const Index behind_size = 2 * pre_roll * on.candidates;
-  const auto needed = static_cast<std::size_t>(behind_size + roughness_memory(paths));
+  on.cars = cars.data();
+  const Index behind_size = 2 * on.behind_stations * on.candidates;
+  const auto needed =
+      static_cast<std::size_t>(behind_size + RoughnessTile<wide>::memory_size(on));
   if (memory.size() < needed) memory.resize(needed);
-  paths.behind = memory.data();
-  sample_behind(grid,
-                {pre_roll, on.candidates, on.x, on.y, on.heading_x, on.heading_y, on.spacing,
-                 on.level, on.front, memory.data()},
-                2.0 * vehicle.half_length, 2.0 * vehicle.half_width);
-  limit_by_roughness(paths, order, memory.data() + behind_size);
+  on.behind = memory.data();
+  sample_behind(grid, on, 2.0 * vehicle.half_length, 2.0 * vehicle.half_width);
+  limit_by_roughness(on, memory.data() + behind_size);
 }
 
 }  // namespace slopewise

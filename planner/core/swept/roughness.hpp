@@ -14,19 +14,22 @@
 #include <optional>
 #include <span>
 #include <tuple>
+#include <vector>
 
+#include "candidate_rows.hpp"
 #include "swept/quarter_car.hpp"
 
 namespace slopewise {
 
-// Ground under the front wheels of M candidates, left and right [m]; from it the highest speeds
-// [m/s], inf where roughness limits nothing.
-struct RoughPaths {
-  Index behind_stations, stations, candidates;
-  const float *behind, *front;  // (B, 2, M) before the first station, (N, 2, M) from it on
+// M candidates on the ground.
+struct RiddenPaths : PoseRows {
+  const double *level, *spacing;  // (M,) height of the first stations, distance between all [m]
   const std::int64_t* count;    // (M,) stations of each
-  const QuarterCar* cars;       // (M,) on the spacing of each
-  double* held;                 // (N, M) out
+  const float* front;           // (N, 2, M) ground under the front wheels, left and right [m]
+  double* held;                 // (N, M) out, highest speeds [m/s], inf where nothing is too rough
+  Index behind_stations = 0;    // B, before the first one
+  float* behind = nullptr;      // (B, 2, M) ground that the front wheels rolled over, farthest first
+  const QuarterCar* cars = nullptr;  // (M,) on the spacing of each
 };
 
 // W candidates, as lanes, with as many stations under a wheel; spare ones repeat the last.
@@ -34,13 +37,13 @@ template <int W>
 class RoughnessTile {
  public:
   // Floats that it takes.
-  static Index memory_size(const RoughPaths& paths) noexcept {
+  static Index memory_size(const RiddenPaths& paths) noexcept {
     Index most = 0;
     for (Index j = 0; j < paths.candidates; ++j) most = std::max(most, tail(paths.cars[j]));
     return 5 * (paths.behind_stations + paths.stations + most) * W;
   }
 
-  RoughnessTile(const RoughPaths& paths, std::span<const Index> lanes, float* memory) noexcept
+  RoughnessTile(const RiddenPaths& paths, std::span<const Index> lanes, float* memory) noexcept
       : paths_(paths), car_(paths.cars[lanes.front()]), lanes_(lanes),
         count_(car_.pre_roll + paths.stations + tail(car_)), path_(memory), spare_(memory + 2 * count_ * W),
         reached_(memory + 4 * count_ * W) {}
@@ -277,7 +280,7 @@ class RoughnessTile {
     }
   }
 
-  const RoughPaths& paths_;
+  const RiddenPaths& paths_;
   const QuarterCar& car_;
   std::span<const Index> lanes_;
   Index count_;
@@ -285,13 +288,10 @@ class RoughnessTile {
   float* reached_;        // (count, W)
 };
 
-inline Index roughness_memory(const RoughPaths& paths) noexcept {
-  return RoughnessTile<wide>::memory_size(paths);
-}
-
-// `order` is (M,) room for the candidates by their stations under a wheel.
-inline void limit_by_roughness(const RoughPaths& paths, std::span<Index> order,
-                               float* memory) noexcept {
+// Candidates with as many stations under a wheel are ridden together.
+inline void limit_by_roughness(const RiddenPaths& paths, float* memory) {
+  thread_local std::vector<Index> order;
+  order.resize(static_cast<std::size_t>(paths.candidates));
   const auto stations = [&](Index j) -> const RideStations& { return paths.cars[j]; };
   std::iota(order.begin(), order.end(), Index{0});
   std::sort(order.begin(), order.end(), [&](Index a, Index b) {
@@ -302,7 +302,7 @@ inline void limit_by_roughness(const RoughPaths& paths, std::span<Index> order,
            stations(order[end]) == stations(order[first])) {
       ++end;
     }
-    const std::span<const Index> lanes = order.subspan(first, end - first);
+    const std::span<const Index> lanes(order.data() + first, end - first);
     // A wide tile takes less than twice as long as a narrow one.
     if (lanes.size() > narrow) {
       RoughnessTile<wide>(paths, lanes, memory).solve();

@@ -278,14 +278,6 @@ inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Inde
   require_wheels(row, grid, rear, open, required);
 }
 
-// The exact check of one pose.
-inline Hazard check_pose(NarrowPhase& narrow_phase, const SweptPaths& paths, Index k, Index j,
-                         std::int32_t required) noexcept {
-  const PoseOnPath at(paths, k, j);
-  if (k == 0) return narrow_phase.check_start(at.pose, required, at.across);
-  return narrow_phase.check(at.pose, at.back, required, at.across);
-}
-
 }  // namespace detail
 
 // Hazards of all candidates, up to the first of each; the first stations are where they stand: what
@@ -330,7 +322,9 @@ inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const Hazard
         if (std::max<Index>(k, 1) >= count) continue;
         if (paths.station[k * paths.candidates + j] > last[n]) open[n] = 0;
         if (const std::int32_t checks = required[n] & open[n]; checks != 0) {
-          note(k, j, detail::check_pose(narrow_phase, paths, k, j, checks));
+          const detail::PoseOnPath at(paths, k, j);
+          note(k, j, k == 0 ? narrow_phase.check_start(at.pose, checks, at.across)
+                            : narrow_phase.check(at.pose, at.back, checks, at.across));
         }
         if (k > 0 && k + 1 == count && open[n] != 0 && grid.sizes().fine) {
           const detail::PoseOnPath end(paths, k, j);

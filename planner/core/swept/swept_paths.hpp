@@ -4,14 +4,13 @@
 #include <array>
 #include <cmath>
 
+#include "candidate_rows.hpp"
 #include "swept/vehicle_envelope.hpp"
 
 namespace slopewise {
 
 // M candidates of up to N stations; arrays are (N, M) unless stated otherwise.
-struct SweptPaths {
-  Index stations, candidates;
-  const double *x, *y, *heading_x, *heading_y;  // middle of the wheelbase [m], heading of the body
+struct SweptPaths : PoseRows {
   const double* station;                        // [m]
   const std::int64_t* count;                    // (M,) stations of each
   const bool* known;                            // the ground under path and wheels is
