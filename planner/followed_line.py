@@ -17,8 +17,9 @@ from slopewise.models.arrays import Floats
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
+from slopewise.planner.path_deviation import too_far_error
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.raw_polyline import is_on_grid, noise, without_noise
+from slopewise.planner.raw_polyline import arc, is_on_grid, noise, without_noise
 
 _HALF = 0.5
 """Half width of the mean in wheelbases [1]: it is the arc that fits best from axle to axle."""
@@ -49,6 +50,8 @@ _PLANNED = 0.85  # of that half width [1], planned on: stations cut the peaks of
 _PLANNED_ON_GRID = 0.7  # the same where bends swing from step to step [1]
 _STATIONS = 0.25  # of the half width from one to the next [1]: its curvature rises within it
 MIN_STATIONS = 3  # stations that curvature needs [1]
+MAX_STATIONS = 200_000
+"""Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
 
 
 class LineLimits(NamedTuple):
@@ -95,34 +98,40 @@ def line_limits(model: Model) -> LineLimits:
     )
 
 
-class FollowedLine(NamedTuple):
-    """The mean of a polyline.
+class LaidLine(NamedTuple):
+    """Stations laid along a polyline.
 
     Attributes:
         points: (N, 2) even stations [m]. place: (N,) of each, as a share of the polyline [1].
-        sharpest: curvature [1/m].
+        deviation: (N,) largest distance between both around each [m].
+        speed_limit: (N,) for who follows the polyline itself [m/s], None where the line suits them.
     """
 
     points: Floats
     place: Floats
-    sharpest: float
+    deviation: Floats
+    speed_limit: Floats | None = None
 
 
 class GivenPoints:
     """A polyline as a vehicle follows it."""
 
-    def __init__(self, points: Floats, along: Floats, spacing: float, limits: LineLimits) -> None:
+    def __init__(
+        self, raw: Floats, points: Floats, along: Floats, spacing: float, limits: LineLimits
+    ) -> None:
         """Find out how far its mean has to reach: ``half`` [m], ``planned`` of that share [1].
 
         A parabola of least squares over a length L, with a point in every step, has a curvature of
         σ √(720 step/L⁵) from noise σ of the points: where that is felt the mean is wider.
 
         Args:
-            points: (n, 2), n >= 3; along: (n,) arc of them [m].
+            raw: (m, 2) points that were given [m]; what is planned must be close to them.
+            points: (n, 2), n >= 3, those that are left of them; along: (n,) arc of them [m].
             spacing: of stations at most [m].
             limits: with the vehicle.
         """
-        self._spacing, self._limits, self._points = spacing, limits, points
+        self._raw, self._points, self._spacing, self._limits = raw, points, spacing, limits
+        self._means: dict[float, core.FollowedLine] = {}
         self.half, self.planned = _HALF * limits.wheelbase or _NO_SIZE * spacing, _PLANNED
         self._noise = 0.0
         step = core.usual_step(along)
@@ -150,22 +159,52 @@ class GivenPoints:
         """
         if self._limits.wheelbase == 0.0:
             return np.full(len(even), np.inf)
-        gentlest = self._limits.gentlest
-        mean = core.FollowedLine(self._points, self.half)
-        sharper = mean.sharper_than(even, _FELT * gentlest, _LIMITING * gentlest, self._noise)
+        felt, limiting = (share * self._limits.gentlest for share in (_FELT, _LIMITING))
+        sharper = self.mean(self.half).sharper_than(even, felt, limiting, self._noise)
         if sharper is None:
             return None
         with np.errstate(divide="ignore"):
             return np.sqrt(self._limits.lateral_accel / sharper)
 
-    def line(self, half: float, max_count: int) -> FollowedLine:
-        """The mean over a half width [m] on at most ``max_count`` even stations."""
-        mean = core.FollowedLine(self._points, half)
-        count = int(np.ceil(mean.length / min(self._spacing, _STATIONS * half) - 1e-6)) + 1
-        even, place = mean.stations(min(max(count, MIN_STATIONS), max_count))
-        return FollowedLine(even, np.minimum(place / place[-1], 1.0), mean.sharpest)
+    def mean(self, half: float) -> core.FollowedLine:
+        """The mean over a half width [m]."""
+        if half not in self._means:
+            self._means[half] = core.FollowedLine(self._points, half)
+        return self._means[half]
 
-    def speed_limit(self, near: float, half: float, place: Floats) -> Floats | None:
+    def line(self, half: float) -> LaidLine:
+        """Even stations on the mean over a half width [m]."""
+        mean = self.mean(half)
+        count = int(np.ceil(mean.length / min(self._spacing, _STATIONS * half) - 1e-6)) + 1
+        even, place = mean.stations(min(max(count, MIN_STATIONS), MAX_STATIONS))
+        place = np.minimum(place / place[-1], 1.0)
+        return LaidLine(even, place, core.deviation(self._raw, even))
+
+    def followed(self) -> LaidLine:
+        """Stations on the line of a vehicle that follows all points.
+
+        It is as near as allowed; where the vehicle cannot turn as sharply, as wide as is allowed,
+        and as slow as who follows it more closely has to be.
+
+        Raises:
+            ParameterError: no such line is close enough.
+        """
+        limits, half = self._limits, self.planned * self.half
+        line = self.line(half)
+        while line.deviation.max() > limits.deviation:
+            half *= _NARROWER
+            if half < _NARROWEST:
+                raise too_far_error(self._raw, line.points, limits.deviation)
+            line = self.line(half)
+        near, length = half, arc(self._raw)[-1]
+        while self.mean(half).sharpest > limits.max_curvature and half < length:
+            gentler = self.line(half * _WIDER)
+            if gentler.deviation.max() > limits.deviation:
+                break
+            line, half = gentler, half * _WIDER
+        return line._replace(speed_limit=self._speed_limit(near, half, line.place))
+
+    def _speed_limit(self, near: float, half: float, place: Floats) -> Floats | None:
         """Speeds for who follows the polyline more closely than a line does, (N,) [m/s].
 
         None if no such vehicle turns more sharply than that line.
@@ -176,9 +215,9 @@ class GivenPoints:
         """
         if self._limits.wheelbase == 0.0:
             return None
-        planned, closer = self._curvature(half, place), self._curvature(near, place)
         # On stairs the bends of means swing, of a wider one not always less.
-        closer = np.maximum(closer, self._curvature(self.half, place))
+        planned, nearer, typical = (self.mean(h).curvature(place) for h in (half, near, self.half))
+        closer = np.maximum(nearer, typical)
         slow = closer > np.maximum(_SHARPER * planned, _FELT * self._limits.gentlest)
         if not slow.any():
             return None
@@ -187,16 +226,3 @@ class GivenPoints:
         lateral = min(_ON_A_BANK * self._limits.lateral_accel, spare)
         lateral = max(lateral, _MIN_ON_A_BANK * self._limits.lateral_accel)
         return np.sqrt(lateral / np.maximum(closer, 1e-9))
-
-    def _curvature(self, half: float, place: Floats) -> Floats:
-        return core.FollowedLine(self._points, half).curvature(place)
-
-
-def narrower(half: float) -> float:
-    """The next half width if a line leads too far from its polyline; 0 beyond the narrowest [m]."""
-    return half * _NARROWER if half * _NARROWER >= _NARROWEST else 0.0
-
-
-def wider(half: float) -> float:
-    """The next half width if a line is too sharp for the vehicle [m]."""
-    return half * _WIDER

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import splprep
@@ -22,18 +21,14 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.compiled_core import core
 from slopewise.planner.followed_line import (
+    MAX_STATIONS,
     MIN_STATIONS,
-    FollowedLine,
     GivenPoints,
+    LaidLine,
     LineLimits,
-    narrower,
-    wider,
 )
-from slopewise.planner.path_deviation import GivenPolyline, follower_offset
+from slopewise.planner.path_deviation import GivenPolyline, follower_offset, too_far_error
 from slopewise.planner.raw_polyline import arc, clean, first_cusp, without_noise
-
-MAX_STATIONS = 200_000
-"""Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
 
 _THINNED = 0.2
 """Share of the distance of stations within which given points are averaged [1]."""
@@ -156,7 +151,7 @@ def resample(
     """
     if isinstance(path, EvenPath):
         if path.given is not None and path.given.deviation > limits.deviation:
-            raise _too_far_error(path.given.points, path.points, limits.deviation)
+            raise too_far_error(path.given.points, path.points, limits.deviation)
         return path
     reach = _THINNED * spacing
     points, limit, raw, ends = clean(path.points, path.speed_limit, path.yaw, reach)
@@ -176,24 +171,9 @@ def resample(
     return EvenPath(path.name, laid.points, limit, given, offset)
 
 
-class _Laid(NamedTuple):
-    """Stations laid along a polyline.
-
-    Attributes:
-        points: (N, 2) [m]. place: (N,) of each, as a share of the polyline [1].
-        deviation: (N,) largest distance between both around each [m].
-        speed_limit: (N,) for who follows the polyline itself [m/s], None where the line suits them.
-    """
-
-    points: Floats
-    place: Floats
-    deviation: Floats
-    speed_limit: Floats | None = None
-
-
 def _line_along(
     raw: Floats, points: Floats, along: Floats, spacing: float, limits: LineLimits
-) -> _Laid:
+) -> LaidLine:
     """Stations on the smooth curve if that suits who follows the points, else on their own line.
 
     Args:
@@ -201,22 +181,22 @@ def _line_along(
         points: (n, 2) those that are left of them; along: (n,) arc of them [m].
         spacing: of stations [m]; limits: to be kept.
     """
-    even, length = _smoothed(points, along, spacing)
-    place = np.linspace(0.0, length, len(even)) / length
+    even, place = _smoothed(points, along, spacing)
     if len(points) == 2:
-        return _Laid(even, place, np.zeros(len(even)))
-    given, deviation = GivenPoints(points, along, spacing, limits), core.deviation(raw, even)
+        return LaidLine(even, place, np.zeros(len(even)))
+    given = GivenPoints(raw, points, along, spacing, limits)
+    deviation = core.deviation(raw, even)
     if deviation.max() <= limits.deviation and first_cusp(even) == 0:
         slow = given.speed_limit_on(even)
         if slow is not None:
-            return _Laid(even, place, deviation, slow if np.isfinite(slow).any() else None)
-    return _followed(given, raw, limits)
+            return LaidLine(even, place, deviation, slow if np.isfinite(slow).any() else None)
+    return given.followed()
 
 
-def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, float]:
-    """Even stations on the smooth curve that a polyline means, (N, 2), and its length [m].
+def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, Floats]:
+    """Even stations on the smooth curve that a polyline means, (N, 2) [m], and their places, (N,).
 
-    Noise is averaged, which makes the polyline shorter.
+    Places are shares of the polyline [1]. Noise is averaged, which makes it shorter.
 
     Args:
         points: (n, 2) of the polyline; along: (n,) arc of them [m].
@@ -230,9 +210,9 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
         raise ParameterError(
             "points", f"a path of at most {MAX_STATIONS} stations, got {length:.0f} m"
         )
+    place = np.linspace(0.0, length, count) / length
     if len(points) == 2:
-        along_line = np.linspace(0.0, length, count)
-        return points[0] + (along_line / length)[:, None] * (points[1] - points[0]), length
+        return points[0] + place[:, None] * (points[1] - points[0]), place
     # A parametric smoothing spline (FITPACK's), as stiff as the noise asks for and as close to
     # corners as their distance says that they are meant.
     n, dense_along, dense, weights = core.dense_places(points, along, _LEFT_NOISE * noise)
@@ -244,55 +224,7 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
     if fault >= _INVALID:
         raise ParameterError("points", f"a polyline that a spline can follow: {message}")
     ends = along[-1], points[0], points[-1]
-    return core.spline_stations(knots, x, y, degree, *ends, count), length
-
-
-def _followed(given: GivenPoints, raw: Floats, limits: LineLimits) -> _Laid:
-    """Stations on the line of a vehicle that follows all points.
-
-    It is as near as allowed; where the vehicle cannot turn as sharply, as wide as is allowed, and
-    as slow as who follows it more closely has to be.
-
-    Args:
-        given: the polyline; raw: (m, 2) points that were given [m]. limits: to be kept.
-
-    Raises:
-        ParameterError: no such line is close enough.
-    """
-
-    def tried(half: float) -> tuple[FollowedLine, Floats]:
-        line = given.line(half, MAX_STATIONS)
-        return line, core.deviation(raw, line.points)
-
-    half = given.planned * given.half
-    line, deviation = tried(half)
-    while deviation.max() > limits.deviation:
-        half = narrower(half)
-        if half == 0.0:
-            raise _too_far_error(raw, line.points, limits.deviation)
-        line, deviation = tried(half)
-    near, length = half, arc(raw)[-1]
-    while line.sharpest > limits.max_curvature and half < length:
-        gentler, farther = tried(wider(half))
-        if farther.max() > limits.deviation:
-            break
-        line, deviation, half = gentler, farther, wider(half)
-    slow = given.speed_limit(near, half, line.place)
-    return _Laid(line.points, line.place, deviation, slow)
-
-
-def _too_far_error(given: Floats, even: Floats, max_deviation: float) -> ParameterError:
-    distance = core.deviation(given, even)
-    (x, y), deviation = even[np.argmax(distance)], float(distance.max())
-    return ParameterError(
-        f"points[{_nearest_to(x, y, given)}]",
-        f"points that can be followed within {max_deviation:.3g} m (limits.max_path_deviation): at "
-        f"({x:.2f}, {y:.2f}) the closest line that can be driven is {deviation:.2f} m off",
-    )
-
-
-def _nearest_to(x: float, y: float, points: Floats) -> int:
-    return int(np.argmin(np.hypot(points[:, 0] - x, points[:, 1] - y)))
+    return core.spline_stations(knots, x, y, degree, *ends, count), place
 
 
 def batch(

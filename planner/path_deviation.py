@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
 from slopewise.planner.compiled_core import core
 
 _EXPECTED_SHARE = 0.25
@@ -100,6 +101,18 @@ def follower_offset(
     cross = ahead[:, 0] * chord[:, 1] - ahead[:, 1] * chord[:, 0]
     turned = np.abs(cross) / np.maximum(np.hypot(*ahead.T) * np.hypot(*chord.T), 1e-9)
     return np.where(axles > _ON_LINE, axles + overhang * turned, 0.0)
+
+
+def too_far_error(given: Floats, even: Floats, max_deviation: float) -> ParameterError:
+    """Error of stations (N, 2) that lie farther from the points that were given, (n, 2) [m]."""
+    distance = core.deviation(given, even)
+    (x, y), deviation = even[np.argmax(distance)], float(distance.max())
+    nearest = int(np.argmin(np.hypot(given[:, 0] - x, given[:, 1] - y)))
+    return ParameterError(
+        f"points[{nearest}]",
+        f"points that can be followed within {max_deviation:.3g} m (limits.max_path_deviation): at "
+        f"({x:.2f}, {y:.2f}) the closest line that can be driven is {deviation:.2f} m off",
+    )
 
 
 def path_deviation(

@@ -7,7 +7,6 @@ Ways that are driven backwards are refused. Most polylines need no repair, which
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,23 +28,9 @@ _TIP = 0.25  # [m] of the way to a cusp and on that give its direction
 _TIP_NOISE, _MAX_TIP = 6.0, 0.6  # the same in the noise of the points [1]; at most [m]
 
 
-class Cleaned(NamedTuple):
-    """Points of a polyline that can be planned along.
-
-    Attributes:
-        points: (n, 2), n >= 2, in a separate array [m].
-        limit: (n,) speed limits at them if there are any [m/s].
-        given: (m, 2) raw points, up to where the path ends [m].
-        ends: why the path goes no further, empty where it goes to its end.
-    """
-
-    points: Floats
-    limit: Floats | None
-    given: Floats
-    ends: str = ""
-
-
-def clean(points: Floats, limit: Floats | None, yaw: Floats | None, reach: float = 0.0) -> Cleaned:
+def clean(
+    points: Floats, limit: Floats | None, yaw: Floats | None, reach: float = 0.0
+) -> tuple[Floats, Floats | None, Floats, str]:
     """Points and speed limits without duplicates, up to where the path turns round.
 
     Points much closer together than ``reach``, or than a few times their noise, are averaged: one
@@ -55,6 +40,10 @@ def clean(points: Floats, limit: Floats | None, yaw: Floats | None, reach: float
         points: (n, 2) raw points, n >= 2 [m]. limit: (n,) speed limits at them [m/s].
         yaw: (n,) headings of the vehicle at them [rad].
         reach: along the line [m].
+
+    Returns:
+        (m, 2) points, m >= 2, in a separate array [m]; (m,) speed limits at them if there are any
+        [m/s]; raw points up to where the path ends [m]; why it goes no further, empty at its end.
 
     Raises:
         ParameterError: too short, or driven backwards.
@@ -67,7 +56,7 @@ def clean(points: Floats, limit: Floats | None, yaw: Floats | None, reach: float
     steps = np.diff(points, axis=0)
     length = np.hypot(steps[:, 0], steps[:, 1])
     if yaw is None and length.min() >= 2.0 * _DUPLICATE and not _may_turn(points, steps, length):
-        return Cleaned(points.copy(), limit, given.copy())
+        return points.copy(), limit, given.copy(), ""
     keep = _distinct(points, length)
     limit = limit if limit is None else np.minimum.reduceat(limit, np.flatnonzero(keep))
     points = points[keep]
@@ -86,7 +75,7 @@ def clean(points: Floats, limit: Floats | None, yaw: Floats | None, reach: float
         backwards = np.cos(yaw[keep][: len(steps)] - headings) < 0.0
         if np.mean(backwards) > 0.5:
             raise ParameterError("yaw", "the direction of travel: this path is driven backwards")
-    return Cleaned(points, limit, given.copy(), ends)
+    return points, limit, given.copy(), ends
 
 
 def _groups(points: Floats, reach: float) -> Ints:

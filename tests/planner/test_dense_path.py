@@ -81,7 +81,7 @@ def test_averaged_points_keep_ends_limits_and_the_curve() -> None:
 
 def test_sparse_points_are_not_averaged() -> None:
     points = circle(5.0, 0.05, 2.0)
-    np.testing.assert_array_equal(clean(points, None, None, 0.05).points, points)
+    np.testing.assert_array_equal(clean(points, None, None, 0.05)[0], points)
 
 
 def test_a_vehicle_that_stood_while_it_recorded_stood_in_one_place() -> None:

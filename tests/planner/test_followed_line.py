@@ -7,7 +7,7 @@ import pytest
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.followed_line import GivenPoints, LineLimits, line_limits
-from slopewise.planner.path import MAX_STATIONS, resample
+from slopewise.planner.path import resample
 from tests.planner.test_path import circle, curvature_of, line_of, planned
 from tests.world.vehicles import ATV, model_of
 
@@ -40,14 +40,14 @@ def test_a_corner_is_as_curved_as_the_best_parabola_and_cut_as_far(
     turn: float, half: float
 ) -> None:
     way = np.array([[-5.0, 0.0], [0.0, 0.0], [5.0 * np.cos(turn), 5.0 * np.sin(turn)]])
-    given = GivenPoints(way, np.array([0.0, 5.0, 10.0]), 0.25, LineLimits(wheelbase=1.0))
-    line = given.line(half, MAX_STATIONS)
+    given = GivenPoints(way, way, np.array([0.0, 5.0, 10.0]), 0.25, LineLimits(wheelbase=1.0))
+    line = given.line(half)
     along = np.linspace(-half, half, 4001)
     ahead = np.maximum(along, 0.0)
     x, y = np.minimum(along, 0.0) + ahead * np.cos(turn), ahead * np.sin(turn)
     (ddx, dx, _), (ddy, dy, _) = (np.polyfit(along, axis, 2) for axis in (x, y))
     best = 2.0 * (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
-    assert line.sharpest == pytest.approx(best, rel=0.05)
+    assert given.mean(half).sharpest == pytest.approx(best, rel=0.05)
     cut = 5.0 / 16.0 * half * np.sin(0.5 * turn)
     assert np.hypot(*line.points.T).min() == pytest.approx(cut, rel=0.05)
 
@@ -57,9 +57,9 @@ def test_a_corner_is_as_curved_as_the_best_parabola_and_cut_as_far(
 def test_stations_are_no_sharper_than_their_mean(radius: float, spacing: float) -> None:
     points = circle(radius, 0.1, 2.0)
     along = 0.1 * np.arange(len(points))
-    given = GivenPoints(points, along, spacing, LineLimits(wheelbase=2.0))
-    line = given.line(1.0, MAX_STATIONS)
-    assert curvature_of(line.points).max() <= 1.005 * line.sharpest
+    given = GivenPoints(points, points, along, spacing, LineLimits(wheelbase=2.0))
+    line = given.line(1.0)
+    assert curvature_of(line.points).max() <= 1.005 * given.mean(1.0).sharpest
 
 
 @pytest.mark.parametrize("radius", [4.0, 8.0, 30.0])

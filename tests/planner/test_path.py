@@ -17,10 +17,10 @@ from benchmarks.paths.given_lines import largest_distance
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.followed_line import line_limits
+from slopewise.planner.followed_line import MAX_STATIONS, line_limits
 from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon
-from slopewise.planner.path import MAX_STATIONS, batch, joined, resample
+from slopewise.planner.path import batch, joined, resample
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.raw_polyline import clean, noise
