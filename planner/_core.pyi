@@ -177,11 +177,7 @@ def first_blocked(
 def segment_limits(
     track: tuple[Floats, ...],
     speed_sq: Floats,
-    accel_max: Floats,
-    demand: Floats,
-    lift: Floats,
-    lift_per_speed_sq: Floats,
-    braking_intercept: Floats,
+    problem: ProfileProblem,
     limits: object,
 ) -> tuple[Floats, Floats]: ...
 def motion(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:

@@ -264,13 +264,24 @@ def _lowest_around(places: Floats, along: Floats, limit: Floats) -> Floats:
     return lowest
 
 
-def behind_the_front(clear: float | Floats, model: Model) -> Floats:
+def behind_the_front(clear: float | Floats, model: Model, candidates: int = 1) -> Floats:
     """Station up to which the reference point may come: the vehicle's front stays on the free way.
 
     Args:
-        clear: station up to which the path is known to be free, any shape; below 0 nothing is [m].
+        clear: station up to which each path is known to be free, below 0 nothing is; one for all,
+            or (M,) [m].
         model: with the front of its vehicle, ahead of the reference point.
+        candidates: M.
+
+    Returns:
+        (M,) [m].
+
+    Raises:
+        ParameterError: neither one number nor one for each candidate.
     """
-    free = np.asarray(clear, np.float64)
+    if np.shape(clear) not in ((), (1,), (candidates,)):
+        expected = f"one distance [m], or {candidates}, one for each candidate"
+        raise ParameterError("clear", f"{expected}; got shape {np.shape(clear)}")
+    free = np.broadcast_to(np.asarray(clear, np.float64), (candidates,))
     reach: Floats = np.maximum(free - model.front, np.minimum(free, 0.0))
     return reach

@@ -17,7 +17,6 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
@@ -100,7 +99,7 @@ class Horizon:
             offered = batch(list(paths), spacing, line_limits(self.model))
         if offered is not None and len(offered.names) == 0:
             offered = None
-        free = _checked_clear(clear, 0 if offered is None else len(offered.names))
+        free = behind_the_front(clear, self.model, 0 if offered is None else len(offered.names))
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         now = conditions or GroundConditions()
         if not state.invalid_field():
@@ -117,21 +116,7 @@ class Horizon:
             state,
         )
         cycle = Cycle(planner, self._previous, self._best)
-        answer, self._previous = cycle.run(offered, behind_the_front(free, self.model))
+        answer, self._previous = cycle.run(offered, free)
         # The best of a cycle are likely to be the best of the next one.
-        best = answer.ranking[: self.settings.smoothed]
-        self._best = frozenset(ranked.candidate for ranked in best)
+        self._best = frozenset(r.candidate for r in answer.ranking[: self.settings.smoothed])
         return replace(answer, seconds=cycle.seconds)
-
-
-def _checked_clear(clear: float | Floats, candidates: int) -> Floats:
-    """Clear distances of all candidates, (M,) [m].
-
-    Raises:
-        ParameterError: neither one number nor one for each candidate.
-    """
-    try:
-        return np.broadcast_to(np.asarray(clear, np.float64), (candidates,))
-    except ValueError:
-        expected = f"one distance [m], or {candidates}, one for each candidate"
-        raise ParameterError("clear", f"{expected}; got shape {np.shape(clear)}") from None

@@ -7,7 +7,6 @@ column belongs to one plan.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,25 +18,12 @@ from slopewise.planner.pipeline.band_bounds import SideBounds
 from slopewise.planner.pipeline.momentum import momentum_over
 from slopewise.planner.pipeline.time_optimal_batch import ROUNDING, TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
-from slopewise.planner.profile.problems import ProfileProblem
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
 from slopewise.planner.verify.terms import terms_of
 from slopewise.planner.verify.verifier import Verification, beyond_of, check, track_of
 
-_CHANGES = (Limiting.ACCEL, Limiting.DECEL)
-
 _TRIED = 8
 """Speeds from that of a plan to its bound at which the verifier is asked whether they hold [1]."""
-
-
-class ChangeBounds(NamedTuple):
-    """Bounds on the changes of speed at the stations, (N,) each, as in ``SpeedBounds``."""
-
-    accel_max: Floats
-    demand: Floats
-    lift: Floats
-    lift_per_speed_sq: Floats
-    braking_intercept: Floats
 
 
 class CandidateColumn:
@@ -53,7 +39,7 @@ class CandidateColumn:
         speed_sq_max: highest v² as the bounds have it, and repairs of them [m²/s²].
         bound: the same, lowered by repairs of changes of speed as well [m²/s²].
         label: which bound that is, as :class:`Limiting`.
-        demand: thrust that holds the speed, as a share of the weight.
+        problem: task of the fastest profile below the bound.
         errors: of speed and map that every stop survives.
         blocked: ground before the end of the clear distance of the bounds that the verifier alone
             found; the clear distance ends there.
@@ -99,13 +85,13 @@ class CandidateColumn:
         self.speed_sq_max = bounds.speed_sq_max[first:n, j]
         self.bound = self.speed_sq_max.copy()
         self.label = np.ascontiguousarray(bounds.limiting[first:n, j])
-        rows = bounds.accel_max, bounds.demand, bounds.lift, bounds.lift_per_speed_sq
-        columns = (np.ascontiguousarray(a[first:n, j]) for a in (*rows, ground.braking_intercept))
-        self._changes = ChangeBounds(*columns)
-        self.demand = self._changes.demand
+        self.problem = solved.problem.part(slice(first, n), slice(j, j + 1))._replace(
+            station=self.track.station[:, None],
+            speed_sq_max=self.bound[:, None],
+            sin_grade=np.sin(self.track.grade)[:, None],
+        )
         self.errors = ground.errors
         self._terms = terms_of(self.model, ground.motion, self.errors)
-        self._sine = np.sin(self.track.grade)
         self.blocked: GroundFinding | None = None
         self.at_side, self.clear_at_side = np.zeros(n - first, bool), np.inf
         if (around := solved.around) is None:
@@ -155,7 +141,7 @@ class CandidateColumn:
         """
         self.bound[k] = speed_sq
         self.label[k] = np.where(broken == Limiting.SPEED_LIMIT, self.label[k], broken)
-        holds = ~np.isin(broken, _CHANGES)
+        holds = ~np.isin(broken, (Limiting.ACCEL, Limiting.DECEL))
         self.speed_sq_max = self.speed_sq_max.copy()
         self.speed_sq_max[k[holds]] = np.minimum(self.speed_sq_max, self.bound)[k[holds]]
 
@@ -212,8 +198,7 @@ class CandidateColumn:
         terms = self._terms
         if decel is not None:
             terms = terms._replace(limits=terms.limits._replace(decel=decel))
-        track, clear, even = self.track, self.clear, self.even
-        return check(track, speed_sq, clear, self.offset, terms, even, self._barrier)
+        return check(self.track, speed_sq, self.clear, self.offset, terms, self.even, self._barrier)
 
     def fastest(self) -> tuple[Floats, bool]:
         """The fastest profile with the fixed prefix; and does service braking get it there?"""
@@ -226,28 +211,8 @@ class CandidateColumn:
 
     def fastest_from(self, begin: int, start_sq: float) -> tuple[Floats, float]:
         """The fastest profile from a station on, and the highest v² it could start with."""
-
-        def column(array: Floats) -> Floats:
-            return np.ascontiguousarray(array[begin:, None])
-
-        track = self.track
-        accel_max, demand, lift, lift_per_speed_sq, braking = map(column, self._changes)
-        problem = ProfileProblem(
-            column(track.station),
-            column(self.bound),
-            column(self._sine),
-            column(track.lower_slope),
-            braking,
-            column(track.slowest),
-            accel_max,
-            demand,
-            np.array([start_sq]),
-            self.scalars.decel,
-            self.scalars.specific_power,
-            lift,
-            lift_per_speed_sq,
-        )
-        answer, reachable = core.time_optimal(problem)
+        problem = self.problem.part(slice(begin, None), slice(1))
+        answer, reachable = core.time_optimal(problem._replace(start_sq=np.array([start_sq])))
         return answer[:, 0], float(reachable[0])
 
     def full_braking(self, k: int, speed_sq: float) -> float:
@@ -256,8 +221,8 @@ class CandidateColumn:
         slow = float(track.slowest[k])
         fast = max(float(np.sqrt(speed_sq)), slow)
         force = min(slow * track.lower_slope[k], fast * track.lower_slope[k])
-        force += self._changes.braking_intercept[k]
-        return float(GRAVITY * (force + self._sine[k]))
+        force += self.problem.lower_intercept[k, 0]
+        return float(GRAVITY * (force + self.problem.sin_grade[k, 0]))
 
     def rest_at(self, rest: float, k: int) -> None:
         """Move station k back to where the vehicle comes to rest before it.
@@ -279,14 +244,15 @@ class CandidateColumn:
         names = ("station", "grade", "roll", "curvature", "yaw")
         self.track = track._replace(**{name: moved(getattr(track, name)) for name in names})
         self.x, self.y, self.z = moved(self.x), moved(self.y), moved(self.z)
-        self._sine = np.sin(self.track.grade)
+        station, sine = self.track.station, np.sin(self.track.grade)
+        self.problem = self.problem._replace(station=station[:, None], sin_grade=sine[:, None])
 
     def segment_limits(self, speed_sq: Floats) -> tuple[Floats, Floats]:
         """Accelerations and decelerations allowed on each segment at any speed up to a profile.
 
         (N − 1,) each, both >= 0 [m/s²].
         """
-        return core.segment_limits(self.track, speed_sq, *self._changes, self.scalars)
+        return core.segment_limits(self.track, speed_sq, self.problem, self.scalars)
 
     def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
         """Bound that holds a profile at each station, (N,) codes of :class:`Limiting`.

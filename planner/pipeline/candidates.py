@@ -79,10 +79,7 @@ class CandidatePlanner:
             raise ParameterError("speed", f"a finite start speed >= 0 [m/s], got {start_speed}")
         if not np.all(np.asarray(clear) >= 0.0):
             raise ParameterError("clear", f"a distance >= 0 [m], got {clear}")
-        if np.shape(clear) not in ((), (1,), (len(paths),)):
-            expected = f"one distance or {len(paths)}, got {np.shape(clear)}"
-            raise ParameterError("clear", expected)
-        free = np.broadcast_to(behind_the_front(clear, self.model), (len(paths),))
+        free = behind_the_front(clear, self.model, len(paths))
         model = within_sight(self.model, elevation_map, self.settings.unseen_steps)
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         plans: list[SpeedPlan] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -85,13 +86,11 @@ def emergency_stop(column: CandidateColumn, unloaded: float = 0.0) -> Verified:
         station = column.track.station
     moving = speed_sq > 0.0
     # It brakes already: the remainder of this one stop, and its least loads.
-    verdict = Verification(
-        np.where(moving, np.maximum(stop - station, 0.0), 0.0),
-        np.where(moving, verdict.rear_load[0], verdict.rear_load),
-        np.where(moving, verdict.side_load[0], verdict.side_load),
-        verdict.violation,
-        verdict.where,
-        verdict.broken,
+    verdict = replace(
+        verdict,
+        stop_distance=np.where(moving, np.maximum(stop - station, 0.0), 0.0),
+        rear_load=np.where(moving, verdict.rear_load[0], verdict.rear_load),
+        side_load=np.where(moving, verdict.side_load[0], verdict.side_load),
     )
     lightest = min(verdict.rear_load[0], verdict.side_load[0])
     unloaded = max(unloaded, verdict.violation.wheel_load)

@@ -111,7 +111,8 @@ def _reason_blocked(column: CandidateColumn, k: int) -> str:
         case Limiting.SPEED_LIMIT:
             return f"the speed limit of the path is 0 {there}"
         case Limiting.TRACTION:
-            needed, curvature = column.demand[k] * vehicle.mass * GRAVITY, column.track.curvature[k]
+            needed = column.problem.demand[k, 0] * vehicle.mass * GRAVITY
+            curvature = column.track.curvature[k]
             has = f"needs {needed:.0f} N of thrust, the drive has {vehicle.max_drive_force:.0f} N"
             if _only_turning(column, k):
                 return f"the turn of radius {1.0 / abs(curvature):.2f} m {there} {has}"

@@ -22,7 +22,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.band_bounds import BandGround, SideBounds
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
-from slopewise.planner.profile.problems import profile_problem
+from slopewise.planner.profile.problems import ProfileProblem, profile_problem
 from slopewise.planner.settings import PlannerSettings, Solver
 from slopewise.planner.swept.convergence import Departure, is_off_line
 from slopewise.planner.swept.hazards import Hazards, HazardSearch
@@ -38,7 +38,7 @@ class TimeOptimalBatch:
 
     Attributes:
         model, scalars: vehicle, braking, limits; and its numbers.
-        profile, ground, bounds: what the profiles were made from.
+        profile, ground, bounds, problem: what the profiles were made from.
         speed_limit: limits of the paths themselves [m/s], None if none has any.
         start_sq: (M,) v² at the first stations [m²/s²].
         speed_sq: v² [m²/s²].
@@ -54,6 +54,7 @@ class TimeOptimalBatch:
     profile: TerrainProfile
     ground: BrakingGround
     bounds: SpeedBounds
+    problem: ProfileProblem
     speed_limit: Floats | None
     start_sq: Floats
     speed_sq: Floats
@@ -210,6 +211,7 @@ def solve(
         profile,
         ground,
         bounds,
+        problem,
         speed_limit,
         start_sq,
         speed_sq,

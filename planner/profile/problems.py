@@ -6,7 +6,9 @@ The passes over v² are those of `planner/core/profile/time_optimal.hpp`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.bounds.speed_bounds import SpeedBounds
@@ -45,6 +47,15 @@ class ProfileProblem(NamedTuple):
     specific_power: float
     lift: Floats | None = None
     lift_per_speed_sq: Floats | None = None
+
+    def part(self, stations: slice, candidates: slice) -> ProfileProblem:
+        """Some stations of some candidates, (n, m)."""
+        rows: dict[str, Any] = {
+            name: np.ascontiguousarray(a[stations, candidates])
+            for name, a in self._asdict().items()
+            if np.ndim(a) == 2
+        }
+        return self._replace(**rows)
 
 
 def profile_problem(

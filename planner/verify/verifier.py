@@ -100,6 +100,9 @@ class Violations(NamedTuple):
     body: float
 
 
+_FIRST_OF_GROUND = Violations._fields.index("unknown_terrain")
+
+
 @dataclass(frozen=True, slots=True)
 class Verification:
     """Findings of the verifier.
@@ -124,16 +127,7 @@ class Verification:
     @property
     def overrun(self) -> float:
         """Distance of any stop's end beyond the clear distance, for any cause [m]."""
-        v = self.violation
-        return max(
-            v.overrun,
-            v.unknown_terrain,
-            v.model_validity,
-            v.holding,
-            v.step,
-            v.clearance,
-            v.body,
-        )
+        return max(self.violation.overrun, *self.violation[_FIRST_OF_GROUND:])
 
     @property
     def valid(self) -> bool:

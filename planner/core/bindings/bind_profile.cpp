@@ -10,21 +10,13 @@ namespace {
 
 // Of a `ProfileProblem`.
 std::tuple<Made<double>, Made<double>> time_optimal(const nb::handle& problem) {
-  const auto station = member_array<Input2>(problem, "station");
-  const auto n = static_cast<Index>(station.shape(0)), m = static_cast<Index>(station.shape(1));
-  const auto rows = [&](const char* name) { return member_rows<double>(problem, name, n, m); };
-  const auto number = [&](const char* name) { return nb::cast<double>(problem.attr(name)); };
-  const auto speed_sq = make_rows(n, m), reachable_start_sq = make_array(m);
-  const ProfileProblem of{n, m, rows("station"), rows("speed_sq_max"), rows("sin_grade"),
-                          rows("lower_slope"), rows("lower_intercept"), rows("slowest"),
-                          rows("accel_max"), rows("demand"),
-                          rows_of<double>("lift", problem.attr("lift"), n, m),
-                          rows_of<double>("lift_per_speed_sq", problem.attr("lift_per_speed_sq"), n, m),
-                          {speed_sq.data(), m}};
+  ProfileProblem of = profile_problem_of(problem);
+  const Index m = of.candidates;
+  const auto speed_sq = make_rows(of.stations, m), reachable_start_sq = make_array(m);
+  of.speed_sq = {speed_sq.data(), m};
   const double* start_sq = member_line<double>(problem, "start_sq", m);
-  const Limits limits{number("decel"), number("specific_power")};
   const nb::gil_scoped_release release;
-  solve_time_optimal(of, limits, start_sq, reachable_start_sq.data());
+  solve_time_optimal(of, start_sq, reachable_start_sq.data());
   return {speed_sq, reachable_start_sq};
 }
 

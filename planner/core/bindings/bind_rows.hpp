@@ -3,6 +3,7 @@
 
 #include "bindings/bindings.hpp"
 #include "candidate_rows.hpp"
+#include "profile/time_optimal.hpp"
 
 namespace slopewise {
 
@@ -91,6 +92,20 @@ inline ForceRows forces_of(const nb::handle& rows, Index stations, Index candida
           numbers("fastest"),
           member_rows<bool>(rows, "trained", stations, candidates),
           member_line<double>(rows, "distance_offset", candidates)};
+}
+
+// Of a `ProfileProblem`, without what receives the answer.
+inline ProfileProblem profile_problem_of(const nb::handle& problem) {
+  const auto station = member_array<Input2>(problem, "station");
+  const auto n = static_cast<Index>(station.shape(0)), m = static_cast<Index>(station.shape(1));
+  const auto rows = [&](const char* name) { return member_rows<double>(problem, name, n, m); };
+  const auto lift = [&](const char* name) {
+    return rows_of<double>(name, problem.attr(name), n, m);
+  };
+  const auto number = [&](const char* name) { return nb::cast<double>(problem.attr(name)); };
+  return {n, m, rows("station"), rows("speed_sq_max"), rows("sin_grade"), rows("lower_slope"),
+          rows("lower_intercept"), rows("slowest"), rows("accel_max"), rows("demand"),
+          lift("lift"), lift("lift_per_speed_sq"), number("decel"), number("specific_power"), {}};
 }
 
 }  // namespace slopewise

@@ -193,20 +193,18 @@ std::tuple<int, double, double, double, double> blocked(
 }
 
 std::tuple<Made<double>, Made<double>> segment_limits(
-    const Columns& track, const Input1& speed_sq, const Input1& accel_max, const Input1& demand,
-    const Input1& lift, const Input1& lift_per_speed_sq, const Input1& braking_intercept,
+    const Columns& track, const Input1& speed_sq, const nb::handle& problem,
     const nb::handle& limits) {
   const Track on = track_of(track);
-  for (const Input1* column : {&speed_sq, &accel_max, &demand, &lift, &lift_per_speed_sq,
-                               &braking_intercept}) {
-    expect_shape("speed_sq, bounds", *column, {on.stations});
+  const ProfileProblem of = profile_problem_of(problem);
+  expect_shape("speed_sq", speed_sq, {on.stations});
+  if (of.stations != on.stations || of.lift.data == nullptr) {
+    throw nb::value_error("problem: expected that of the track, with lift");
   }
   const auto accel = make_array(on.last()), decel = make_array(on.last());
   const Vehicle vehicle = vehicle_of(limits);
   const nb::gil_scoped_release release;
-  limit_segments(on, speed_sq.data(), {accel_max.data(), demand.data(), lift.data(),
-                                     lift_per_speed_sq.data(), braking_intercept.data()},
-                 vehicle, accel.data(), decel.data());
+  limit_segments(on, speed_sq.data(), of, vehicle, accel.data(), decel.data());
   return {accel, decel};
 }
 

@@ -19,11 +19,6 @@ inline constexpr double gravity = 9.80665;  // [m/s²]
 inline constexpr double standstill_speed = 1e-3;
 inline constexpr double standstill_sq = standstill_speed * standstill_speed;
 
-struct Limits {
-  double decel;           // service deceleration [m/s²], inf to brake as hard as the model allows
-  double specific_power;  // drive power over weight [m/s]
-};
-
 // M candidates of up to N stations.
 struct ProfileProblem {
   Index stations, candidates;
@@ -36,6 +31,8 @@ struct ProfileProblem {
   Numbers accel_max;       // by comfort, thrust and front axle load [m/s²]
   Numbers demand;          // thrust that holds the speed, over weight [1]
   Numbers lift, lift_per_speed_sq;  // lift − lift_per_speed_sq v² by front wheels in turns [m/s²], [1/m]
+  double decel;            // of service, inf to brake as hard as the model allows [m/s²]
+  double specific_power;   // drive power over weight [m/s]
   Rows<double> speed_sq;   // out, v² of the profile [m²/s²]
 };
 
@@ -43,7 +40,8 @@ struct ProfileProblem {
 //
 // Their least force on a segment is at its slower end where force grows with speed, else at its
 // faster end, which is the root of a quadratic: one square root serves either.
-inline void slow_down(const ProfileProblem& p, Index k, Index lanes, double decel) noexcept {
+inline void slow_down(const ProfileProblem& p, Index k, Index lanes) noexcept {
+  const double decel = p.decel;
   const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
   const double *slope_0 = p.lower_slope.at(k), *slope_1 = p.lower_slope.at(k + 1);
   const double *force_0 = p.lower_intercept.at(k), *force_1 = p.lower_intercept.at(k + 1);
@@ -90,8 +88,8 @@ inline void turn(const ProfileProblem& p, Index k, Index lanes) noexcept {
 // The speed there is the root of a cubic, which Newton's steps approach from above; v² is the root
 // of a concave function, so that the last step, on its tangent, ends at or below it. Holding the
 // speed is always possible, because no bound is above what power sustains.
-inline void speed_up(const ProfileProblem& p, Index k, Index lanes,
-                     double specific_power) noexcept {
+inline void speed_up(const ProfileProblem& p, Index k, Index lanes) noexcept {
+  const double specific_power = p.specific_power;
   const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
   const double *accel_0 = p.accel_max.at(k), *accel_1 = p.accel_max.at(k + 1);
   const double *thrust_0 = p.demand.at(k), *thrust_1 = p.demand.at(k + 1);
@@ -133,17 +131,17 @@ inline void rest_for_good(double* speed_sq, Index stations, Index stride = 1) no
 
 // `reachable_start_sq` (M,) receives the highest v² at the first station from which the bounds can
 // still be kept; below `start_sq` the profile begins there all the same.
-inline void solve_time_optimal(const ProfileProblem& p, const Limits& limits,
-                               const double* start_sq, double* reachable_start_sq) noexcept {
+inline void solve_time_optimal(const ProfileProblem& p, const double* start_sq,
+                               double* reachable_start_sq) noexcept {
   const Index last = p.stations - 1, lanes = p.candidates;
   double* first = p.speed_sq.at(0);
   std::copy_n(p.speed_sq_max.at(last), lanes, p.speed_sq.at(last));
-  for (Index k = last - 1; k >= 0; --k) slow_down(p, k, lanes, limits.decel);
+  for (Index k = last - 1; k >= 0; --k) slow_down(p, k, lanes);
   std::copy_n(first, lanes, reachable_start_sq);
   for (Index j = 0; j < lanes; ++j) first[j] = min_of(first[j], start_sq[j]);
   for (Index k = 0; k < last; ++k) {
     if (p.lift.data != nullptr) turn(p, k, lanes);
-    speed_up(p, k, lanes, limits.specific_power);
+    speed_up(p, k, lanes);
   }
   for (Index j = 0; j < lanes; ++j) {
     rest_for_good(p.speed_sq.data + j, p.stations, p.speed_sq.stride);

@@ -34,7 +34,7 @@ class Finisher {
         terms_{model.weighed, model.limits, model.motion, model.errors, model.steering, false, points_between, time_step, true} {}
 
   // Columns of the candidate, (N,) each.
-  Numbers1 track, even, bound, accel_max, lift, lift_per_speed_sq, demand, start_bound, accel, decel;
+  Numbers1 track, even, sine, bound, accel_max, lift, lift_per_speed_sq, demand, start_bound, accel, decel;
   std::vector<Label> label;
   double clear = 0.0, offset = 0.0, start_sq = 0.0;
 
@@ -57,17 +57,19 @@ class Finisher {
     return *std::max_element(worst.begin(), worst.end()) <= 0.0;
   }
 
-  // The fastest profile under the bound; false if service braking cannot bring the start down to it.
-  bool fastest(Numbers1& speed_sq) {
+  // Of the fastest profile under the bound, v² (N,).
+  [[nodiscard]] ProfileProblem problem(double* speed_sq) const {
     const verify::Track on = columns_of(track);
-    Numbers1 sine(size());
-    for (std::size_t k = 0; k < size(); ++k) sine[k] = std::sin(on.grade[k]);
+    return {n_, 1, {on.station, 1}, {bound.data(), 1}, {sine.data(), 1}, {on.lower_slope, 1},
+            {on.lower_intercept, 1}, {on.slowest, 1}, {accel_max.data(), 1}, {demand.data(), 1},
+            {lift.data(), 1}, {lift_per_speed_sq.data(), 1}, model_.limits.decel,
+            model_.limits.specific_power, {speed_sq, 1}};
+  }
+
+  // That profile; false if service braking cannot bring the start down to it.
+  bool fastest(Numbers1& speed_sq) {
     double reachable = 0.0;
-    solve_time_optimal({n_, 1, {on.station, 1}, {bound.data(), 1}, {sine.data(), 1},
-                        {on.lower_slope, 1}, {on.lower_intercept, 1}, {on.slowest, 1},
-                        {accel_max.data(), 1}, {demand.data(), 1}, {lift.data(), 1},
-                        {lift_per_speed_sq.data(), 1}, {speed_sq.data(), 1}},
-                       {model_.limits.decel, model_.limits.specific_power}, &start_sq, &reachable);
+    solve_time_optimal(problem(speed_sq.data()), &start_sq, &reachable);
     return reachable >= start_sq - start_rounding;
   }
 
@@ -92,12 +94,10 @@ class Finisher {
   }
 
   void limit_changes(const Numbers1& speed_sq) {
-    const verify::Track on = columns_of(track);
     accel.resize(size());
     decel.resize(size());
-    verify::limit_segments(on, speed_sq.data(), {accel_max.data(), demand.data(), lift.data(), lift_per_speed_sq.data(),
-                                                 on.lower_intercept},
-                           model_.limits, accel.data(), decel.data());
+    verify::limit_segments(columns_of(track), speed_sq.data(), problem(nullptr), model_.limits,
+                           accel.data(), decel.data());
   }
 
   // Replace a profile by a smooth one below it, if there is one that the verifier passes.
@@ -155,8 +155,6 @@ class Finisher {
     }
   }
 
-  [[nodiscard]] double station_of(std::size_t k) const { return columns_of(track).station[k]; }
-
   void label_stations(const Numbers1& speed_sq, const Numbers1& accelerations, bool smoothed,
                       Label* out) const {
     verify::label_stations({n_, speed_sq.data(), accelerations.data(), bound.data(), label.data(),
@@ -207,6 +205,7 @@ Finisher finisher_of(const Planner::Candidates& c, Index j) {
   Finisher f(c.model, n);
   f.track = columns_with(c.slope_left, c.force_left);
   f.even = columns_with(c.force_lower_slope, c.force_lower);
+  for (Index k = 0; k < n; ++k) f.sine.push_back(std::sin(f.columns_of(f.track).grade[k]));
   f.bound = column(c.speed_sq_max);
   f.accel_max = column(c.accel_max);
   f.lift = column(c.lift);
@@ -294,7 +293,7 @@ Plan Planner::finish(std::size_t candidate) {
   const auto rest = static_cast<std::size_t>(
       std::find(speed_sq.begin(), speed_sq.end(), 0.0) - speed_sq.begin());
   const std::size_t at = std::min(rest, n - 1);
-  const double short_by = c.station.at(static_cast<Index>(n) - 1, j) - f.station_of(at);
+  const double short_by = c.station.at(static_cast<Index>(n) - 1, j) - f.columns_of(f.track).station[at];
   if (short_by > kept_free(c.model, f, at) + hardly_short) reaches = false;
   const Status status = !smoothed || slowed ? Status::degraded
                         : reaches           ? Status::ok

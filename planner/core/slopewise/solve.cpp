@@ -51,9 +51,9 @@ void Planner::solve(double start_speed, double clear) {
   solve_time_optimal({c.stations, c.candidates, c.station.read(), c.speed_sq_max.read(),
                       c.sin_grade.read(), c.slope_left.read(), c.force_left.read(),
                       c.slowest.read(), c.accel_max.read(), c.demand.read(), c.lift.read(),
-                      c.lift_per_speed_sq.read(), c.speed_sq.rows()},
-                     {c.model.limits.decel, c.model.limits.specific_power}, start.data(),
-                     c.reachable.data());
+                      c.lift_per_speed_sq.read(), c.model.limits.decel,
+                      c.model.limits.specific_power, c.speed_sq.rows()},
+                     start.data(), c.reachable.data());
   c.solved = true;
 }
 

@@ -14,17 +14,9 @@ inline constexpr double hardly = 0.01;
 // Share of an allowed acceleration that is all of it to a reader [1].
 inline constexpr double nearly_all = 0.99;
 
-// A candidate's bounds that a change of speed keeps, (N,) each.
-struct ChangeBounds {
-  const double* accel_max;          // [m/s²]
-  const double* demand;             // thrust that holds the speed, over weight [1]
-  const double *lift, *lift_per_speed_sq;  // as in ProfileProblem
-  const double* braking_intercept;  // of the lower bound of F_b/W [1]
-};
-
-// Highest acceleration and deceleration on each segment at any speed up to a profile v² (N,);
-// (N - 1,) each, both >= 0 [m/s²].
-inline void limit_segments(const Track& track, const double* speed_sq, const ChangeBounds& bounds,
+// Highest acceleration and deceleration on each segment at any speed up to a profile v² (N,)
+// of the candidate of a problem; (N - 1,) each, both >= 0 [m/s²].
+inline void limit_segments(const Track& track, const double* speed_sq, const ProfileProblem& p,
                            const Vehicle& n, double* accel, double* decel) noexcept {
   // The part of the lower bound of the force that depends on speed, up to this one.
   const auto least_force = [&track](Index k, double fast) noexcept {
@@ -37,13 +29,13 @@ inline void limit_segments(const Track& track, const double* speed_sq, const Cha
     const double fast = std::sqrt(max_of(max_of(speed_sq[k], speed_sq[k + 1]), 1e-6));
     // Brakes that grow weaker with speed do so at either end from the segment's fastest.
     const double braking =
-        min_of(least_force(k, fast) + bounds.braking_intercept[k] + sine_before,
-               least_force(k + 1, fast) + bounds.braking_intercept[k + 1] + sine);
-    const double powered =
-        gravity * (n.specific_power / fast - max_of(bounds.demand[k], bounds.demand[k + 1]));
-    const double lost = max_of(bounds.lift_per_speed_sq[k], bounds.lift_per_speed_sq[k + 1]);
-    const double lifting = min_of(bounds.lift[k], bounds.lift[k + 1]) - lost * fast * fast;
-    const double most = min_of(min_of(bounds.accel_max[k], bounds.accel_max[k + 1]), lifting);
+        min_of(least_force(k, fast) + *p.lower_intercept.at(k) + sine_before,
+               least_force(k + 1, fast) + *p.lower_intercept.at(k + 1) + sine);
+    const double demand = max_of(*p.demand.at(k), *p.demand.at(k + 1));
+    const double powered = gravity * (n.specific_power / fast - demand);
+    const double lost = max_of(*p.lift_per_speed_sq.at(k), *p.lift_per_speed_sq.at(k + 1));
+    const double lifting = min_of(*p.lift.at(k), *p.lift.at(k + 1)) - lost * fast * fast;
+    const double most = min_of(min_of(*p.accel_max.at(k), *p.accel_max.at(k + 1)), lifting);
     accel[k] = max_of(min_of(most, powered), 0.0);
     decel[k] = max_of(min_of(gravity * braking, n.decel), 0.0);
     sine_before = sine;

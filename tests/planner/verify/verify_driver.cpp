@@ -85,8 +85,9 @@ void plans() {
   const Track track = track_at(stations, column);
   auto accel = numbers(stations, -1, 1), most = numbers(stations - 1, 0, 1), least = most;
   const auto bound = numbers(stations, 0, 9);
-  limit_segments(track, bound.data(), {bound.data(), accel.data(), bound.data(), bound.data(), accel.data()}, by.limits,
-                 most.data(), least.data());
+  const Numbers some{bound.data(), 1}, push{accel.data(), 1};
+  const ProfileProblem of{stations, 1, {}, {}, {}, {}, push, {}, some, push, some, some, 1.0, 1.0, {}};
+  limit_segments(track, bound.data(), of, by.limits, most.data(), least.data());
   std::vector<std::int64_t> label(static_cast<std::size_t>(stations), 99), code(label);
   label_stations({stations, bound.data(), accel.data(), bound.data(), label.data(), most.data(),
                   least.data(), 1.0, sometimes(0.5)}, code.data());
