@@ -30,18 +30,6 @@ from tests.services.faults import real_data
 from tests.services.service_process import free_port
 from tests.services.warm_process import WarmProcess
 
-HEAVY = ("numba", "scipy", "casadi", "osqp", "rasterio", "numpy", "matplotlib", "zenoh", "msgspec")
-
-
-def test_help_imports_no_heavy_package() -> None:
-    code = (
-        f"import sys, slopewise.services.cli.app; print([m for m in {HEAVY} if m in sys.modules])"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert result.stdout.strip() == "[]"
-
 
 def test_bad_input_ends_a_process_with_one_line_and_status_2(world: Path) -> None:
     one_line_of(slopewise("plan", "none.npz", "paths.csv", "-m", "atv", fresh=True), "none.npz")
