@@ -19,7 +19,6 @@ from slopewise.planner.pipeline.momentum import momentum_over
 from slopewise.planner.pipeline.time_optimal_batch import ROUNDING, TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
-from slopewise.planner.verify.terms import terms_of
 from slopewise.planner.verify.verifier import Verification, beyond_of, check, track_of
 
 _TRIED = 8
@@ -67,7 +66,7 @@ class CandidateColumn:
             sides: bounds of all candidates of the batch, if they are known already.
         """
         profile, ground, bounds = solved.profile, solved.ground, solved.bounds
-        self.model, self.scalars, self.solver = solved.model, solved.scalars, solved.solver
+        self.model, self.scalars, self.solver = solved.model, solved.terms.limits, solved.solver
         self.fixed_prefix = fixed_prefix
         self.track = track_of(profile, ground, j, solved.speed_limit, first)
         self.even = track_of(profile, bounds.even_ground, j, solved.speed_limit, first)
@@ -91,7 +90,7 @@ class CandidateColumn:
             sin_grade=np.sin(self.track.grade)[:, None],
         )
         self.errors = ground.errors
-        self._terms = terms_of(self.model, ground.motion, self.errors)
+        self._terms = solved.terms
         self.blocked: GroundFinding | None = None
         self.at_side, self.clear_at_side = np.zeros(n - first, bool), np.inf
         if (around := solved.around) is None:

@@ -21,12 +21,12 @@ from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_pro
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.band_bounds import BandGround, SideBounds
-from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 from slopewise.planner.profile.problems import ProfileProblem, profile_problem
 from slopewise.planner.settings import PlannerSettings, Solver
 from slopewise.planner.swept.convergence import Departure, is_off_line
 from slopewise.planner.swept.hazards import Hazards, HazardSearch
 from slopewise.planner.swept.sweeper import SweptPoses
+from slopewise.planner.verify.terms import Terms, terms_of
 
 ROUNDING = 1e-9
 """Excess of v² at the start over what service braking can bring down [m²/s²]."""
@@ -37,7 +37,7 @@ class TimeOptimalBatch:
     """Time-optimal profiles of M candidates, not verified yet; arrays are (N, M).
 
     Attributes:
-        model, scalars: vehicle, braking, limits; and its numbers.
+        model, terms: vehicle, braking, limits; and what plans are verified with.
         profile, ground, bounds, problem: what the profiles were made from.
         speed_limit: limits of the paths themselves [m/s], None if none has any.
         start_sq: (M,) v² at the first stations [m²/s²].
@@ -50,7 +50,7 @@ class TimeOptimalBatch:
     """
 
     model: Model
-    scalars: PlanningLimits
+    terms: Terms
     profile: TerrainProfile
     ground: BrakingGround
     bounds: SpeedBounds
@@ -187,7 +187,7 @@ def solve(
         around: see the batch.
     """
     candidates = len(profile.count)
-    scalars = planning_limits(model)
+    terms = terms_of(model, ground.motion, ground.errors)
     start_sq = np.full(candidates, np.square(start_speed), np.float64)
     bounds = speed_bounds(
         profile,
@@ -199,7 +199,7 @@ def solve(
         holds_anywhere=holds_anywhere,
     )
     ground = bounds.ground
-    problem = profile_problem(profile, ground, bounds, scalars, start_sq)
+    problem = profile_problem(profile, ground, bounds, terms.limits, start_sq)
     speed_sq, reachable = core.time_optimal(problem)
     # No plan is slowed down for a start that is too fast by rounding alone.
     speed_sq[0] = np.where(reachable >= start_sq - ROUNDING, start_sq, speed_sq[0])
@@ -207,7 +207,7 @@ def solve(
     cost = core.travel_cost(profile.station, speed_sq, settings.horizon_penalty)
     return TimeOptimalBatch(
         model,
-        scalars,
+        terms,
         profile,
         ground,
         bounds,

@@ -52,8 +52,8 @@ class ProfileProblem(NamedTuple):
         """Some stations of some candidates, (n, m)."""
         rows: dict[str, Any] = {
             name: np.ascontiguousarray(a[stations, candidates])
-            for name, a in self._asdict().items()
-            if np.ndim(a) == 2
+            for name, a in zip(self._fields, self, strict=True)
+            if isinstance(a, np.ndarray) and a.ndim == 2
         }
         return self._replace(**rows)
 
