@@ -17,6 +17,7 @@ NO_PROFILE: int
 KIND_COUNT: int
 STOP_GUARD: float
 HOLDING: float
+MOTION_LAWS: str
 SLOPE_MARGIN: float
 
 class HeightGrid:

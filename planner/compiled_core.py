@@ -1,9 +1,10 @@
-"""The compiled core, rejected where its sources are no longer those that it was made from."""
+"""The compiled core, rejected where it is no longer made from what plans have to follow."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from slopewise.models.effects.registry import MOTION_LAWS
 from slopewise.models.errors import SlopewiseError
 from slopewise.planner.core_sources import digest_of_core
 
@@ -26,3 +27,8 @@ except ImportError as error:
 
 if _SOURCES.is_dir() and digest_of_core(_SOURCES) != core.DIGEST:
     raise CoreError(f"the compiled core of slopewise is older than its sources: {_REMEDY}")
+if tuple(core.MOTION_LAWS.split()) != MOTION_LAWS:
+    raise CoreError(
+        "the compiled core of slopewise lacks motion effects, which plans would ignore: run "
+        "`python planner/core/generate_laws.py`, then `make core`"
+    )

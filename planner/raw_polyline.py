@@ -55,7 +55,7 @@ def clean(
         yaw = yaw if yaw is None else yaw[first]
     steps = np.diff(points, axis=0)
     length = np.hypot(steps[:, 0], steps[:, 1])
-    if yaw is None and length.min() >= 2.0 * _DUPLICATE and not _may_turn(points, steps, length):
+    if yaw is None and length.min() >= 2.0 * _DUPLICATE and not _may_turn(steps, length):
         return points.copy(), limit, given.copy(), ""
     keep = _distinct(points, length)
     limit = limit if limit is None else np.minimum.reduceat(limit, np.flatnonzero(keep))
@@ -98,7 +98,7 @@ def _distinct(points: Floats, length: Floats) -> Bools:
     return keep
 
 
-def _may_turn(points: Floats, steps: Floats, length: Floats) -> bool:
+def _may_turn(steps: Floats, length: Floats) -> bool:
     """Whether a polyline may turn round: its steps point back, or all of it turns that far."""
     along = (steps[1:] * steps[:-1]).sum(axis=1)
     if (along < _CUSP_COSINE * length[1:] * length[:-1]).any():

@@ -83,7 +83,8 @@ def header() -> str:
         first += len(parameters)
     sums = " +\n         ".join(total)
     functions.append(
-        f"inline constexpr int motion_value_count = {first};\n\n"
+        f"inline constexpr int motion_value_count = {first};\n"
+        f'inline constexpr const char* motion_laws = "{" ".join(MOTION_LAWS)}";\n\n'
         "// Sum of all motion laws [m/s²]; (motion_value_count,) values, 0 of absent effects.\n"
         "[[nodiscard]] inline double motion_deceleration(double speed, double curvature, "
         f"double yaw,\n{' ' * 48}const double* values) noexcept {{\n  return {sums};\n}}\n"

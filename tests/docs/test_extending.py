@@ -65,6 +65,17 @@ def apply_diffs(title: str, tree: Path) -> None:
         assert done.returncode == 0, done.stderr
 
 
+def test_no_plan_ignores_an_effect_that_the_core_lacks(tree: Path) -> None:
+    apply_diffs("An effect", tree)
+    planned = run(tree, sys.executable, "-P", "-c", "import slopewise.planner.compiled_core")
+    assert "CoreError" in planned.stderr
+    assert "generate_laws.py" in planned.stderr
+    done = run(tree, sys.executable, "-P", "planner/core/generate_laws.py")
+    assert done.returncode == 0, done.stderr
+    header = (tree / "planner" / "core" / "generated" / "laws.hpp").read_text()
+    assert "gust_from_behind(speed, curvature, yaw, values[6], values[7])" in header
+
+
 OF_THE_CORE = [
     title
     for title in sections()

@@ -53,6 +53,7 @@ void bind_bounds(nb::module_& m) {
   using namespace nb::literals;
   m.attr("STOP_GUARD") = stop_guard;
   m.attr("HOLDING") = least_slowing;
+  m.attr("MOTION_LAWS") = laws::motion_laws;
   m.def("speed_bounds", &speed_bounds, "profile"_a, "ground"_a, "hazards"_a,
         "speed_limit"_a.none(), "clear"_a, "vehicle"_a, "curves"_a.none());
 }

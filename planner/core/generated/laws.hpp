@@ -88,6 +88,7 @@ namespace slopewise::laws {
 }
 
 inline constexpr int motion_value_count = 6;
+inline constexpr const char* motion_laws = "aerodynamic_drag headwind viscous_resistance turning_resistance";
 
 // Sum of all motion laws [m/s²]; (motion_value_count,) values, 0 of absent effects.
 [[nodiscard]] inline double motion_deceleration(double speed, double curvature, double yaw,
