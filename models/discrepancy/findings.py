@@ -11,6 +11,9 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.parameters import Effect, Model
 
+CERTAIN = 0.99
+"""Probability beyond which nothing is claimed: other causes are always possible [1]."""
+
 
 class Verdict(Enum):
     """One word for the whole log."""

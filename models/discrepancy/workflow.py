@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from slopewise.models.arrays import Floats
-from slopewise.models.discrepancy.data.prepare import prepare, sessions_of
+from slopewise.models.discrepancy.data.prepare import prepare
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import Gaps, distance_floor
 from slopewise.models.discrepancy.decide.no_harm import held_to_account
 from slopewise.models.discrepancy.decide.revised import revised
-from slopewise.models.discrepancy.decide.verdict import WILD_SCATTER, Decision, decide
+from slopewise.models.discrepancy.decide.verdict import Decision, decide
 from slopewise.models.discrepancy.findings import Findings
+from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.answer import answered, likely
 from slopewise.models.discrepancy.likelihood.refit import refitted
 from slopewise.models.discrepancy.likelihood.residual_axes import residual_axes
@@ -75,18 +76,17 @@ def investigate(
         settings = settings or DiscrepancySettings()
         table, notes = prepare(columns, runs, model, ground, settings)
         reach(_STOPS)
-        sessions = sessions_of(table, columns, runs)
-        weights = weighed(
-            *(table, model, sessions, settings.odds),
+        explanations, book = weighed(
+            *(table, model, settings.odds),
             advance=lambda share: reach(_STOPS + share * (_SEARCH - _STOPS)),
         )
-        answer = answered(weights)
+        answer = answered(explanations)
         base = refitted(answer.calm)
         located = residual_axes(answer.calm.fit.trace, base)
-        seen = resolvable(answer.calm.fit, answer.calm.at, weights.book)
+        seen = resolvable(answer.calm.fit, answer.calm.at, book)
 
         def decided(contradicted: Sequence[frozenset[str]]) -> Decision:
-            given = answered(weights, contradicted) if contradicted else answer
+            given = answered(explanations, contradicted) if contradicted else answer
             return decide(table, base, given, located, seen, settings)
 
         decision = decided(())
@@ -98,7 +98,7 @@ def investigate(
             decision.verdict,
             summary(table, decision, seen.visible, gaps.distance, gaps.ends),
             named_effects(decision, located),
-            likely(weights),
+            likely(explanations),
             located_axes(decision, located, above, settings.structure),
             gaps.speed,
             gaps.distance,
@@ -118,7 +118,7 @@ def investigate(
 
 
 def _warnings(table: StopTable, noise: Whitener) -> tuple[str, ...]:
-    if noise.scatter < WILD_SCATTER:
+    if noise.scatter < prior.SLAB:
         return ()
     return (
         f"stops differ by ±{noise.scatter:.0%} of the braking force among themselves: "

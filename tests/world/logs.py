@@ -109,7 +109,7 @@ def findings_of(name: str) -> Findings:
 def whitener_of(stops: StopTable, *, build_up: float = 0.01, lagging: bool = False) -> Whitener:
     """At the usual noise, with the brakes of the vehicle."""
     none = np.zeros((*stops.time.shape, 1)), np.zeros(1)
-    trace = trace_of(stops, BASE, none, np.zeros(len(stops), np.int64))
+    trace = trace_of(stops, BASE, none)
     onset = Onset(BASE.braking.dead_time, build_up)
     return Whitener.of(trace, onset, prior.NOISE, lagging=lagging)
 

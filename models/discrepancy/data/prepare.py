@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Floats, Ints
-from slopewise.models.discrepancy.data.stop_table import StopTable, tabulate
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import NO_CHANCE, StopTable, tabulate
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
@@ -22,7 +22,6 @@ from slopewise.models.stop_logs.sinking_commands import sinking_commands
 _MIN_STOPS = 12  # stops below which a log is refused: it has as many numbers
 _MOUNT_STD = np.deg2rad(0.15)  # std up to which headings alone may show a mount [rad]
 _LARGEST_MOUNT = np.deg2rad(4.0)  # offset up to which they may: more is seen by eye [rad]
-_PLAIN_MOUNT = 3.0  # deviations from which an offset is no chance [std]
 _BY_HEADINGS = "ground driven in several directions"
 
 
@@ -84,17 +83,7 @@ def _known_mount(mount: Mount, mapped: bool) -> Mount | None:
         or mount.source != _BY_HEADINGS
         or (mount.std < _MOUNT_STD and abs(mount.offset) < _LARGEST_MOUNT)
     )
-    if not (mount.known and reliable and abs(mount.offset) > _PLAIN_MOUNT * mount.std):
+    if not (mount.known and reliable and abs(mount.offset) > NO_CHANCE * mount.std):
         return None
     known = mount.offset**2 / (mount.offset**2 + mount.std**2)
     return replace(mount, offset=known * mount.offset)
-
-
-def sessions_of(
-    table: StopTable, columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]
-) -> Ints:
-    """(S,) number of the session of each stop: the column `session` where its run begins, or 0."""
-    if "session" not in columns:
-        return np.zeros(len(table), np.int64)
-    names = columns["session"][[runs[run].start for run in table.run]]
-    return np.asarray(np.unique(names, return_inverse=True)[1], np.int64)

@@ -25,12 +25,13 @@ _MEANINGFUL = {*_CHANNELS, "run", "terrain", "t", "v", "v_cmd", "pitch", "z", "b
 _MEANINGFUL |= {f"{name}_{side}" for name in ("v", "current") for side in ("left", "right")}
 """Columns that are no further explanation: their meaning is known."""
 NODES = 121  # grid times of a stop: 10 ms or so
-_BINS = 40  # means of speed per stop: as many as its slow waves need, and eight times that
+_BINS = NODES // 3  # means of speed per stop: eight times as many as its slow waves need
 HELD_BEFORE = 0.3  # held speed that belongs to a stop, for its level [s]
 _LAST_SHARE = 0.95  # of a stop: what comes after is rocking, not braking [1]
-_ABOVE_NOISE = 2.5  # speed below which noise decides what is a standstill [std]
+NO_CHANCE = 3.0
+"""Deviations from which a speed is above a standstill, and an offset is not chance [std]."""
 _SMOOTHING = 0.08  # of measured speeds and grades, for products: below a half wave of the body [s]
-_MIN_PULL = 0.05  # share of the weight that a stop is taken to slow with at least [1]
+MIN_PULL = 0.05  # share of the weight that a stop is taken to slow with at least [1]
 
 
 _LATEST_CLOCK = 1e6  # from which a log counts since some epoch, not its session [s]
@@ -66,6 +67,7 @@ class StopTable(StopGround):
         spread: (S, K) variance of a bin's mean for white noise of one; 0 for unused bins.
         held: (S,) speed before the command [m/s]. clock: (S,) of the command in the log [s].
         run: (S,) position of the run in the log. run_names: (S,) its name.
+        session: (S,) number of the session.
         terrain: (S,) named surface, "" without. distance, standstill_time: (S,) measured [m], [s].
         sample: time between samples [s]. onset: of the brakes, as calibration finds it [s].
         force: (S,) F_b/W as each stop shows individually.
@@ -86,6 +88,7 @@ class StopTable(StopGround):
     held: Floats
     clock: Floats
     run: Ints
+    session: Ints
     run_names: tuple[str, ...]
     terrain: tuple[str, ...]
     distance: Floats
@@ -106,7 +109,7 @@ class StopTable(StopGround):
     @property
     def pull(self) -> Floats:
         """(S,) of brakes and ground together, as a share of the weight; not below a little."""
-        return np.maximum(self.force + np.sin(self.grade[:, -1]), _MIN_PULL)
+        return np.maximum(self.force + np.sin(self.grade[:, -1]), MIN_PULL)
 
     def __len__(self) -> int:
         return len(self.held)
@@ -163,6 +166,7 @@ def tabulate(
         clock=np.array([r.samples.clock for r in records]),
         run=np.searchsorted(starts, [w.command for w in windows], side="right").astype(np.int64)
         - 1,
+        session=np.unique([r.samples.session for r in records], return_inverse=True)[1],
         run_names=tuple(r.samples.run for r in records),
         terrain=tuple(r.samples.terrain for r in records),
         distance=np.array([r.samples.distance for r in records]),
@@ -249,7 +253,7 @@ def _end_of_fall(record: StopRecord) -> float:
     """
     knee = record.knee
     pull = GRAVITY * (knee.force_ratio + float(np.sin(knee.mean_grade)))
-    min_speed = max((1.0 - _LAST_SHARE) * knee.onset_speed, _ABOVE_NOISE * knee.rms)
+    min_speed = max((1.0 - _LAST_SHARE) * knee.onset_speed, NO_CHANCE * knee.rms)
     fall = (
         max(knee.onset_speed - min_speed, 0.5 * knee.onset_speed) / pull if pull > 0.0 else np.inf
     )

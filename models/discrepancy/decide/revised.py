@@ -18,9 +18,9 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
 from slopewise.models.discrepancy.decide.verdict import Decision
 from slopewise.models.discrepancy.findings import Verdict
-from slopewise.models.discrepancy.likelihood.posterior import LAG
 from slopewise.models.discrepancy.likelihood.refit import Refit
-from slopewise.models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameters
+from slopewise.models.discrepancy.likelihood.weigh import LAG
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking, Effect, Model
@@ -77,17 +77,7 @@ def _unnamed_build_up(decision: Decision) -> float:
 def _effects_of(fit: Refit, source: str) -> tuple[Effect, ...]:
     """Effects that were added, with the covariance of their parameters."""
     effects = []
-    k = BASE
-    for effect, extent in zip(fit.hypothesis.added, fit.extents, strict=True):
-        free = free_parameters(effect)
-        covariance = np.zeros((len(effect.parameters),) * 2)
-        rows = [i for i, name in enumerate(effect.parameters) if name in free]
-        covariance[np.ix_(rows, rows)] = fit.covariance[k : k + len(free), k : k + len(free)]
-        k += len(free)
-        for i, name in enumerate(effect.parameters):
-            if name in extent:
-                covariance[i, :] = covariance[:, i] = 0.0
-                covariance[i, i] = extent[name] ** 2
+    for effect, covariance in zip(fit.hypothesis.added, fit.of_effects, strict=True):
         values = {n: _inside(effect.name, n, float(v)) for n, v in effect.parameters.items()}
         effects.append(
             replace(effect, parameters=values, covariance=_matrix(covariance), source=source)

@@ -13,17 +13,14 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
-from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.findings import CERTAIN, Verdict
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.answer import Answer
-from slopewise.models.discrepancy.likelihood.posterior import LAG
 from slopewise.models.discrepancy.likelihood.refit import Refit, refitted
 from slopewise.models.discrepancy.likelihood.residual_axes import ResidualAxis, mainly_along
 from slopewise.models.discrepancy.likelihood.resolvable import CHANGED_STOPS, Resolvable
+from slopewise.models.discrepancy.likelihood.weigh import LAG
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-
-WILD_SCATTER = 0.12  # of the force, from which stops differ as much as some effects do [1]
-_BEYOND_NOISE = 0.99  # probability of an answer that wild stops do not give by chance [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +67,8 @@ def decide(
 ) -> Decision:
     """One word for the log."""
     nothing = Decision(Verdict.NONE, plain)
-    # Scatter between stops is so large that chance could give many names.
-    wild = plain.whitener.scatter > WILD_SCATTER and answer.probability < _BEYOND_NOISE
+    # Stops differ as much as effects change them: chance could give many names.
+    wild = plain.whitener.scatter > prior.SLAB and answer.probability < CERTAIN
     if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or wild):
         return replace(nothing, verdict=Verdict.TOO_NOISY)
     # A wind along the only heading is a change of coefficients, one across it is not.

@@ -8,17 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.discrepancy.findings import LikelyExplanation, Verdict
-from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
-from slopewise.models.discrepancy.likelihood.prior import ONSET_FORCE, WAVE
-from slopewise.models.discrepancy.likelihood.weigh import Weights
+from slopewise.models.discrepancy.likelihood.prior import ONSET_FORCE, RULED_OUT, SLAB, WAVE
+from slopewise.models.discrepancy.likelihood.weigh import LAG, Explanation
 
 _ANSWERED = 0.5  # probability from which an answer is given, else `ambiguous` [1]
 _COMPANION = 0.7
 """Probability from which a second name stands next to the first, and share of the weight of causes
 without a name from which one name next to them spoils their axis [1]."""
-_RULED_OUT = 0.05  # weight relative to the leader's of what is no alternative any more [1]
 _UNSOLVED = 0.08  # force left at the onset from which its shape is not understood [1]
-_WILD = 0.3  # force that varies along each stop, from which speeds are no speeds [1]
 
 _CALM, _NAMED, _UNKNOWN, _MIXED = "calm", "named", "unknown", "mixed"
 
@@ -45,11 +42,11 @@ class Answer:
     alternatives: tuple[Explanation, ...] = ()
 
 
-def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer:
-    """The answer that the weights give, of explanations that hold none of these sets of names."""
-    every = [e for e in weights.explanations if not any(e.names >= names for names in without)]
+def answered(known: Sequence[Explanation], without: Sequence[frozenset[str]] = ()) -> Answer:
+    """The answer that weights give, of explanations that hold none of these sets of names."""
+    every = [e for e in known if not any(e.names >= names for names in without)]
     calm = next(e for e in every if not e.names and not e.axes)
-    if calm.fit.noise[WAVE] > _WILD:
+    if calm.fit.noise[WAVE] > SLAB:  # in each stop, as much as an effect: speeds are no speeds
         return Answer(Verdict.UNKNOWN, calm, calm, "", 1.0, {})
     solved = bool(calm.fit.noise[ONSET_FORCE] < _UNSOLVED)
     share = _shares(every)
@@ -74,7 +71,7 @@ def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer
             Verdict.MISSING_EFFECT, leader, calm, axis, of_names[first], of_names, alternatives
         )
     named = [e for e in every if e.names and not e.axes]
-    near = every[0].log_weight + np.log(_RULED_OUT)
+    near = every[0].log_weight + np.log(RULED_OUT)
     if axis and (not named or named[0].log_weight < near):
         return Answer(Verdict.UNKNOWN, every[0], calm, axis, along, of_names)
     leader = named[0] if named else every[0]
@@ -83,19 +80,19 @@ def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer
     return Answer(Verdict.AMBIGUOUS, leader, calm, axis, max(share), of_all, alternatives)
 
 
-def likely(weights: Weights) -> tuple[LikelyExplanation, ...]:
+def likely(every: Sequence[Explanation]) -> tuple[LikelyExplanation, ...]:
     """Explanations that are not ruled out, the heaviest first."""
-    share = _shares(weights.explanations)
+    share = _shares(every)
     return tuple(
         LikelyExplanation(tuple(sorted(e.names)), tuple(sorted(e.axes)), s)
-        for e, s in zip(weights.explanations, share, strict=True)
-        if s > _RULED_OUT * share[0]
+        for e, s in zip(every, share, strict=True)
+        if s > RULED_OUT * share[0]
     )
 
 
 def _alternatives(every: Sequence[Explanation], leader: Explanation) -> tuple[Explanation, ...]:
     """The three heaviest that have no axis and lack a name of the leader."""
-    near = leader.log_weight + np.log(_RULED_OUT)
+    near = leader.log_weight + np.log(RULED_OUT)
     different = [e for e in every if not e.axes and not e.names >= leader.names]
     return tuple([e for e in different if e.log_weight > near][:3])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -56,6 +56,13 @@ class Candidate:
     def index(self) -> list[int]:
         """Columns."""
         return list(range(self.first, self.first + self.count))
+
+
+def prior_of(chosen: Sequence[Candidate]) -> tuple[Floats, Floats]:
+    """(P,) deviations and means of the columns of some candidates."""
+    std = [c.std for c in chosen]
+    centre = [np.full(c.count, c.centre) for c in chosen]
+    return np.concatenate([np.empty(0), *std]), np.concatenate([np.empty(0), *centre])
 
 
 @dataclass(frozen=True)
@@ -124,27 +131,30 @@ def dictionary_of(
 def _effects(
     table: StopTable, model: Model, used: Floats, force: float
 ) -> Iterator[tuple[Candidate, Floats, bool]]:
-    """Named effects: candidate, (S, M, 1) column, and whether brakes bring it."""
-    for name, group in _named(table, model):
-        how = LAWS[name].search
-        assert how is not None
-        log_prior = float(np.log(prior.NAME / len(group)))
+    """Named effects: candidate, (S, M, Q) columns, and whether brakes bring them."""
+    taken = {effect.name for effect in model.effect}
+    seen = stops_seen(table, Hypothesis.configured(model))
+    for name, law in LAWS.items():
+        how = law.search
+        if how is None or not law.channels <= table.logged:
+            continue
+        if name in taken and (law.once or law.enters is Enters.CAP):
+            continue
+        group = [*how.columns(seen), *(circles(table) if how.placed else ())]
+        group = [g for g in group if np.any(np.ptp(g[1], axis=(0, 1)) > 1e-9)]
         for inner, share in group:
             columns = share if share.ndim == 3 else share[:, :, None]
             size = np.maximum(spread_of(columns, used), 1e-9)
             std, centre = (np.full(len(size), 0.5), 1.0)
             if not how.is_complete:
                 std, centre = prior.SLAB * force / size / np.sqrt(len(size)), 0.0
-            yield (
-                Candidate(
-                    *(name, True, 0, len(size), std, centre),
-                    one_sided=how.one_sided,
-                    inner=inner,
-                    log_prior=log_prior,
-                ),
-                columns,
-                LAWS[name].enters is not Enters.MOTION,
+            candidate = Candidate(
+                *(name, True, 0, len(size), std, centre),
+                one_sided=how.one_sided,
+                inner=inner,
+                log_prior=float(np.log(prior.NAME / len(group))),
             )
+            yield candidate, columns, law.enters is not Enters.MOTION
 
 
 def _causes(
@@ -161,24 +171,6 @@ def _causes(
             std = prior.SLAB * force * falling / sizes / np.sqrt(np.sum(falling**2))
             cause = Candidate(axis.name, False, 0, count, std, log_prior=log_prior)
             yield cause, flat, axis.name != "speed"
-
-
-def _named(
-    table: StopTable, model: Model
-) -> Iterator[tuple[str, list[tuple[dict[str, float], Floats]]]]:
-    taken = {effect.name for effect in model.effect}
-    seen = stops_seen(table, Hypothesis.configured(model))
-    for name, law in LAWS.items():
-        if law.search is None or not law.channels <= table.logged:
-            continue
-        if name in taken and (law.once or law.enters is Enters.CAP):
-            continue
-        group = list(law.search.columns(seen))
-        if law.search.placed:
-            group += circles(table)
-        group = [g for g in group if np.any(np.ptp(g[1], axis=(0, 1)) > 1e-9)]
-        if group:
-            yield name, group
 
 
 def circles(table: StopTable) -> Iterator[tuple[dict[str, float], Floats]]:

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary
+from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary, prior_of
 from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved
 from slopewise.models.discrepancy.likelihood.marginal import (
     by_noise,
@@ -24,20 +24,23 @@ from slopewise.models.discrepancy.likelihood.marginal import (
     share_changed,
     solved_both,
 )
-from slopewise.models.discrepancy.likelihood.onset import Integrated, Onset
+from slopewise.models.discrepancy.likelihood.onset import (
+    DAMPING,
+    OSCILLATION,
+    Integrated,
+    Onset,
+)
 from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
+from slopewise.models.discrepancy.model.hypothesis import MAX_STEPS
 
 BUILD_UPS = np.array([0.005, 0.012, 0.025, 0.045, 0.075, 0.12, 0.18, 0.27, 0.4, 0.6])
 """Time constants at which the evidence is computed [s]."""
 _OSCILLATIONS = (1.5, 3.0, 5.0)  # natural frequencies that it starts from [Hz]
 _SCALE = np.array([0.004, 0.15, 0.08, 0.15])  # of dead time [s], and logarithms of the others [1]
 _STEP = 0.05  # of derivatives, in these scales
-_EVALUATIONS = 25  # of the evidence that a fit of the onset or of the noise takes at most
 _SETTLING = 2  # steps of the dead time
 HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
 _MOST = 0.05  # by which a dead time is negative, differs in a stop, or moves in a step [s]
-_TYPICAL = Onset(0.0, 1.0)
-"""Of which only the body counts."""
 _TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
 
 
@@ -78,9 +81,7 @@ class Problem:
 
     def __init__(self, trace: Trace, extra: Integrated, chosen: Sequence[Candidate]) -> None:
         self.trace, self.extra, self.chosen = trace, extra, tuple(chosen)
-        none = [np.empty(0)]
-        self.std = np.concatenate([c.std for c in chosen] or none)
-        self.centre = np.concatenate([np.full(c.count, c.centre) for c in chosen] or none)
+        self.std, self.centre = prior_of(chosen)
 
     def grams(self, onset: Onset) -> tuple[Grams, Floats]:
         """Products, and (P,) deviations."""
@@ -139,9 +140,9 @@ class Problem:
             off = (y[2:] - typical) / prior.LOG_SPREAD
             return float(0.5 * (off @ off) - self.at(at(y), noise).evidence)
 
-        typical = np.log([_TYPICAL.oscillation, _TYPICAL.damping])
+        typical = np.log([OSCILLATION, DAMPING])
         x = np.array([start.dead_time, *np.log([start.build_up, start.oscillation, start.damping])])
-        options = {"maxfun": _EVALUATIONS, "ftol": 1e-5, "maxls": 6, "eps": _STEP}
+        options = {"maxfun": MAX_STEPS, "ftol": 1e-5, "maxls": 6, "eps": _STEP}
         best = minimize(loss, np.zeros(4), method="L-BFGS-B", options=options)
         return at(x + _SCALE * best.x)
 
@@ -155,7 +156,7 @@ class Problem:
             return -value, -slope
 
         first = np.log(start)
-        options = {"maxfun": _EVALUATIONS, "ftol": 1e-6, "maxls": 8}
+        options = {"maxfun": MAX_STEPS, "ftol": 1e-6, "maxls": 8}
         best = minimize(loss, first, method="L-BFGS-B", jac=True, options=options)
         return np.asarray(np.exp(best.x), np.float64)
 
@@ -203,8 +204,8 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
     table, noise = problem.trace.table, prior.NOISE.copy()
     total = table.onset + prior.BUILD_UP
     # Wild stops would hide in waves and axes before their scatter was found.
-    off = np.median(np.abs(table.force - np.median(table.force))) / max(problem.trace.force, 0.05)
-    noise[1] = max(float(off), noise[1])
+    off = np.median(np.abs(table.force - np.median(table.force)))
+    noise[1] = max(float(off) / problem.trace.force, noise[1])
     tried = [
         max(
             (

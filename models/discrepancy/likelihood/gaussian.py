@@ -62,10 +62,9 @@ class Grams:
 
     def own_means(self, noise: float, variance: Floats, mean: Floats) -> Floats:
         """(S, R) each stop's own effects, given (P,) means of the columns."""
-        left = self.own[:, :, -1] - self.own[:, :, : len(mean)] @ mean
-        inner = self.square / noise**2 + np.diag(1.0 / variance)
-        solutions = np.linalg.solve(inner, left[:, :, None] / noise**2)[:, :, 0]
-        return np.asarray(solutions, np.float64)
+        solutions = self.whitened(noise, variance)[2]
+        means: Floats = solutions[:, :, -1] - solutions[:, :, : len(mean)] @ mean
+        return means
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import bilinear, lfilter
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.model.prediction import at_time
 from slopewise.models.quantity import GRAVITY
 
+OSCILLATION, DAMPING = 2.5, 0.3  # of a typical sprung body [Hz], [1]
 _FINE = 0.004  # step at which the oscillation is computed [s]: a fiftieth of its shortest period
 
 
@@ -34,8 +35,8 @@ class Onset:
 
     dead_time: float
     build_up: float
-    oscillation: float = 2.5
-    damping: float = 0.3
+    oscillation: float = OSCILLATION
+    damping: float = DAMPING
     late: Floats = field(default_factory=lambda: np.zeros(1))
 
     @property
@@ -56,12 +57,9 @@ class Onset:
         """Rate, its change, and ∫ (c − state) du of a sprung body that follows c."""
         since = np.arange(0.0, max(float(u.max()), 0.0) + 2.0 * _FINE, _FINE)
         pulse = 2.0 * np.pi * self.oscillation
-        # ω² s/(s² + 2 ζ ω s + ω²) by the bilinear transform, s = k (1 − z⁻¹)/(1 + z⁻¹).
-        k, twice = 2.0 / _FINE, 2.0 * self.damping * pulse
-        top = pulse**2 * k * np.array([1.0, 0.0, -1.0])
-        low = [k * k + twice * k + pulse**2, 2.0 * (pulse**2 - k * k)]
-        low.append(k * k - twice * k + pulse**2)
-        rates = lfilter(top, low, self.built(since))
+        twice = 2.0 * self.damping * pulse
+        rate_of_force = bilinear([pulse**2, 0.0], [1.0, twice, pulse**2], 1.0 / _FINE)
+        rates = lfilter(*rate_of_force, self.built(since))
         changes = np.gradient(rates, _FINE)
         # From its equation of motion: ω² (c − state) = change + 2 ζ ω rate, integrated.
         behind = (rates + twice * np.cumsum(rates) * _FINE) / pulse**2

@@ -13,15 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import differential_evolution
+from scipy.stats import norm
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.dictionary import Candidate, circles
+from slopewise.models.discrepancy.likelihood.dictionary import Candidate, circles, prior_of
 from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit
 from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import solved_both
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
-from slopewise.models.discrepancy.likelihood.posterior import Explanation
 from slopewise.models.discrepancy.likelihood.trace import columns_at, spread_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import stops_seen
@@ -35,24 +35,21 @@ Extent = dict[str, float]
 _NUMBERS = ("x", "y", "radius")
 _POPULATION, _GENERATIONS = 48, 12  # of circles: enough for three numbers from any seed
 _FINEST = 0.01  # share of the field, or of the radii, that a place is known to at best [1]
-_COMPARED = 64  # likely patches that the exact law chooses from
-_NORMAL_95 = 1.96  # of a normal distribution, 95 % [std]
-_CHANGE_95 = 0.5 * _NORMAL_95**2  # difference of ln likelihood, 95 % of a chi square of one number
-_JUMP_95 = 0.5 * 7.35  # the same of a likelihood that has jumps (Hansen 2000)
+_NORMAL = float(norm.isf(0.5 * prior.RULED_OUT))  # half of an interval [std]
+_CHANGE = 0.5 * _NORMAL**2  # difference of ln likelihood at its ends
+_JUMP = -float(np.log1p(-np.sqrt(1.0 - prior.RULED_OUT)))  # where it has jumps (Hansen 2000)
 
 
-def settled(
-    explanation: Explanation, candidate: Candidate
-) -> tuple[list[dict[str, float]], Extent]:
+def settled(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
     """Inner numbers of a candidate that are likely next to all others, the best ones first.
 
     Also their extent.
     """
     law = LAWS[candidate.name]
     if law.search is not None and law.search.placed:
-        return _patch(explanation, candidate)
+        return _patch(fit, at, candidate)
     if law.enters is Enters.LASTING:
-        return _change(explanation, candidate)
+        return _change(fit, at, candidate)
     return [candidate.inner], {}
 
 
@@ -65,8 +62,9 @@ class _Gains:
         usable = [c.name != name for c in fit.chosen for _ in range(c.count)]
         columns = fit.extra.take(np.flatnonzero(usable).tolist())
         self.every, self.own, std = columns_at(self.trace, self.onset, columns)
-        centre = np.concatenate([np.zeros(len(std)), *(np.full(c.count, c.centre) for c in rest)])
-        std = np.concatenate([std, *(c.std for c in rest)])
+        rest_std, rest_centre = prior_of(rest)
+        centre = np.concatenate([np.zeros(len(std)), rest_centre])
+        std = np.concatenate([std, rest_std])
         grams = Grams.of(self.every, self.own, self.trace.table.spread)
         solutions = solved_both(grams, std, noise, self.trace.calibrated, centre)
         self.best = max(solutions, key=lambda s: s.evidence)
@@ -147,9 +145,9 @@ def placed(
     grid = np.array([[c.inner[n] for n in _NUMBERS] for c in group])
     tried, gain = _climbed(gains, grid)
     best = int(np.argmax(gain))
-    near = tried[gain > gain[best] - _CHANGE_95]
+    near = tried[gain > gain[best] - _CHANGE]
     near[:, 2], grid[:, 2] = np.log(near[:, 2]), np.log(grid[:, 2])
-    std = np.abs(near - [*tried[best, :2], np.log(tried[best, 2])]).max(axis=0) / _NORMAL_95
+    std = np.abs(near - [*tried[best, :2], np.log(tried[best, 2])]).max(axis=0) / _NORMAL
     volume = np.log(np.sqrt(2.0 * np.pi) * std / np.ptp(grid, axis=0) + _FINEST).sum()
     table = fit.trace.table
     share = share_inside(table.x, table.y, *tried[best])[:, :, None]
@@ -162,35 +160,32 @@ def placed(
     return candidate, share
 
 
-def _patch(explanation: Explanation, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
-    fit = explanation.fit
-    gains = _Gains(fit, explanation.at, candidate.name, fit.noise)
+def _patch(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
+    gains = _Gains(fit, at, candidate.name, fit.noise)
     start = [[candidate.inner[name] for name in _NUMBERS]]
     grid = [[at[name] for name in _NUMBERS] for at, _ in circles(fit.trace.table)]
     tried, max_gain = np.array(start + grid), -np.inf
     while True:  # from the best circles again, until nothing is gained: few are tried near the top
         tried, gain = _climbed(gains, tried)
         order = np.argsort(-gain)
-        if gain.max() < max_gain + _CHANGE_95:
+        if gain.max() < max_gain + _CHANGE:
             break
         tried, max_gain = tried[order[:_POPULATION]], float(gain.max())
-    likely = tried[order[gain[order] > gain.max() - _JUMP_95]]
+    likely = tried[order[gain[order] > gain.max() - _JUMP]]
     off = np.abs(likely - likely[0]).max(axis=0)
-    extent = {name: float(std) for name, std in zip(_NUMBERS, off / _NORMAL_95, strict=True)}
-    spaced = likely[:: max(len(likely) // _COMPARED, 1)]
+    extent = {name: float(std) for name, std in zip(_NUMBERS, off / _NORMAL, strict=True)}
+    spaced = likely[:: max(len(likely) // _POPULATION, 1)]
     return [dict(zip(_NUMBERS, circle.tolist(), strict=True)) for circle in spaced], extent
 
 
-def _change(
-    explanation: Explanation, candidate: Candidate
-) -> tuple[list[dict[str, float]], Extent]:
-    fit, search = explanation.fit, LAWS[candidate.name].search
-    gains = _Gains(fit, explanation.at, candidate.name, fit.noise)
+def _change(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
+    search = LAWS[candidate.name].search
+    gains = _Gains(fit, at, candidate.name, fit.noise)
     assert search is not None
     seen = stops_seen(gains.trace.table, Hypothesis.configured(gains.trace.model))
     runs = [(inner, share) for inner, share in search.columns(seen)]
     gain = gains.of(np.stack([share for _, share in runs], axis=2))
     best = runs[int(np.argmax(gain))][0]
-    likely = [runs[i][0]["run"] for i in np.flatnonzero(gain > gain.max() - _CHANGE_95)]
+    likely = [runs[i][0]["run"] for i in np.flatnonzero(gain > gain.max() - _CHANGE)]
     # A change between two runs is known to no better than one run.
-    return [best], {"run": (0.5 * (max(likely) - min(likely)) + 0.5) / _NORMAL_95}
+    return [best], {"run": (0.5 * (max(likely) - min(likely)) + 0.5) / _NORMAL}

@@ -12,7 +12,7 @@ DEAD_TIME_STEP = 0.02  # [s] that a step of the linear fit may move the dead tim
 AT_ONSET = 0.03  # slip of the tyres, and resistance before the brakes, per share of the weight [1]
 BODY = 0.005  # that a point of the body moves, and that it pitches, per deceleration [m, rad s²/m]
 BODY_SHIFT = 0.00015  # the same within 30 ms of delay [m s per m/s²]
-SESSION = 0.03  # force of a session, share of the force [1]
+SESSION = 0.02  # force between days or sessions, share of the force [1]
 SPIKE = 0.005  # force of every smooth effect, share of the force [1]
 
 LEVEL = 10.0  # speed of each stop: unknown [m/s]
@@ -39,7 +39,8 @@ NAME = 0.08  # odds of a name against none [1]
 AXIS = 0.02  # odds of a cause without a name along an axis [1]
 FURTHER = 0.35  # odds of each effect beyond the first, times those of its name [1]
 TEMPER = 0.85  # share of the evidence that counts: model errors are alike in all stops [1]
-
+RULED_OUT = 0.05
+"""Relative weight or p-value below which a cause is excluded; share outside intervals [1]."""
 
 CHANGED = 0.2  # share of logs whose vehicle has changed since its file was made [1]
 
@@ -47,17 +48,18 @@ CHANGED = 0.2  # share of logs whose vehicle has changed since its file was made
 def calibrated(force: float, speed: float, covariance: Matrix | None) -> Floats:
     """(4,) of the coefficients as calibrated: what they differ by between days, and their error.
 
-    Brakes differ by 2 % of the force between days, and slopes to match.
+    Brakes differ by `SESSION` between days, and slopes to match.
 
     Args:
         force: typical F_b/W [1]. speed: mean at the onset, about which coefficients are [m/s].
         covariance: of the file's coefficients, None where it states none.
     """
-    between_days = np.array([0.02 * force, 0.03, 0.004, 0.008])
+    between_days = np.array([SESSION * force, 0.03, 0.004, 0.008])
     if covariance is None:
         return between_days
     about = of_coefficients(speed)
-    std: Floats = np.hypot(between_days, np.sqrt(np.diag(about @ np.array(covariance) @ about.T)))
+    error = np.sqrt(np.diag(about @ np.array(covariance) @ about.T))
+    std: Floats = np.hypot(between_days, error)
     return std
 
 

@@ -16,16 +16,20 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.place import Extent, settled
-from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES
+from slopewise.models.discrepancy.likelihood.weigh import LAG, Explanation
 from slopewise.models.discrepancy.likelihood.whitener import Whitener
-from slopewise.models.discrepancy.model.hypothesis import BASE, Hypothesis
+from slopewise.models.discrepancy.model.hypothesis import (
+    BASE,
+    MAX_STEPS,
+    Hypothesis,
+    free_parameters,
+)
 from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect
 
 _STEP = 1e-3  # of derivatives, of a number's scale: rounding is a thousandth of it [1]
-_EVALUATIONS = 12  # steps of a fit: it begins where the likelihood ended
 _BUILD_UP_SPREAD = 0.1  # of the build-up of brakes that have no lag, share of it [1]
 _MOST_WIDER = 2.0  # by which scattering stops widen an interval: more are no fault of noise [1]
 
@@ -55,6 +59,23 @@ class Refit:
     known: Known
     extents: tuple[Extent, ...] = ()
     names: tuple[str, ...] = ()
+
+    @property
+    def of_effects(self) -> list[Floats]:
+        """(Q, Q) covariance of all parameters of each added effect; 0 of those that are given."""
+        covariances, k = [], BASE
+        for effect, extent in zip(self.hypothesis.added, self.extents, strict=True):
+            free, names = free_parameters(effect), list(effect.parameters)
+            rows, block = [names.index(name) for name in free], slice(k, k + len(free))
+            covariance = np.zeros((len(names),) * 2)
+            covariance[np.ix_(rows, rows)] = self.covariance[block, block]
+            k = block.stop
+            for name, std in extent.items():
+                i = names.index(name)
+                covariance[i, :] = covariance[:, i] = 0.0
+                covariance[i, i] = std**2
+            covariances.append(covariance)
+        return covariances
 
 
 def refitted(explanation: Explanation) -> Refit:
@@ -117,7 +138,7 @@ def _linear(
     column = len(mean) - sum(c.count for c in fit.chosen)
     for candidate in fit.chosen:
         if candidate.named:
-            inners, extent = settled(explanation, candidate)
+            inners, extent = settled(fit, explanation.at, candidate)
             coefficients = mean[column : column + candidate.count]
             added.append(effect_of(candidate.name, inners[0], coefficients))
             likely.append(inners)
@@ -193,7 +214,7 @@ def improved(table: StopTable, start: Hypothesis, whitener: Whitener, known: Kno
 
     inside = np.clip(start.free / scales, low + 1e-6, high - 1e-6)
     best = least_squares(
-        errors, inside, slopes, bounds=(low, high), max_nfev=_EVALUATIONS, xtol=1e-4, ftol=1e-6
+        errors, inside, slopes, bounds=(low, high), max_nfev=MAX_STEPS, xtol=1e-4, ftol=1e-6
     )
     covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
     # Numbers also absorb effects that are too small to be modelled.

@@ -14,7 +14,6 @@ from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
 from slopewise.models.discrepancy.likelihood.refit import Refit, jacobian, residual
 from slopewise.models.discrepancy.likelihood.trace import Trace
 
-LOCATED = 0.05  # p-value up to which an axis is listed, and from which a cause may be [1]
 WITHIN = ("speed", "time_since_onset", "brake_heat")
 """Axes that run through each stop; all others differ from stop to stop."""
 ROUNDING = 1e-4  # share of a column, or of the largest, below which one is rounding [1]
@@ -52,7 +51,10 @@ def residual_axes(trace: Trace, fit: Refit) -> list[ResidualAxis]:
     table, whitener = trace.table, fit.whitener
     axes = axes_of(table, fit.hypothesis.dead_time)
     tried = [(axis, shapes) for axis in axes for shapes in axis.shapes]
-    columns = _columns(trace, fit, np.concatenate([shapes for _, shapes in tried], axis=2))
+    shares = np.concatenate([shapes for _, shapes in tried], axis=2)
+    moment = Moment.of(trace.samples, whitener.onset)
+    falls = Integrated.of(table, shares, np.zeros(shares.shape[2], bool))
+    columns = falls.fallen(table, whitener.onset, moment)
     base, left = jacobian(table, fit.hypothesis), residual(table, fit.hypothesis)
     rows = whitener.rows(np.concatenate([left[:, :, None], columns], axis=2))
     orthonormal, _ = np.linalg.qr(whitener.rows(base))
@@ -81,17 +83,8 @@ def residual_axes(trace: Trace, fit: Refit) -> list[ResidualAxis]:
 
 def mainly_along(located: list[ResidualAxis]) -> ResidualAxis | None:
     """The axis that takes most of the disagreement away, of those that are no chance."""
-    certain = [f for f in located if f.p_value < LOCATED]
+    certain = [f for f in located if f.p_value < prior.RULED_OUT]
     return max(certain, key=lambda f: f.removed, default=None)
-
-
-def _columns(trace: Trace, fit: Refit, shares: Floats) -> Floats:
-    """(S, K, Q) fall of the speed by shares of the weight (S, M, Q) from the onset on."""
-    onset = fit.whitener.onset
-    moment, count = Moment.of(trace.samples, onset), shares.shape[2]
-    return Integrated.of(trace.table, shares, np.zeros(count, bool)).fallen(
-        trace.table, onset, moment
-    )
 
 
 def _explained(left: Floats, beyond: Floats, rows: Floats) -> tuple[float, Floats]:

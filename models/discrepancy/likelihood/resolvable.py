@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
@@ -20,7 +20,7 @@ from slopewise.models.discrepancy.likelihood.fit import Fit
 from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import with_onset
 from slopewise.models.discrepancy.likelihood.onset import Integrated
-from slopewise.models.discrepancy.likelihood.residual_axes import LOCATED, ROUNDING
+from slopewise.models.discrepancy.likelihood.residual_axes import ROUNDING
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, columns_at
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import demanded_force
@@ -31,8 +31,7 @@ GRADE_BIAS = "grade_bias"
 CHANGED_STOPS = 3  # stops that an effect has to change to matter: two are outliers [1]
 NAMED_FROM = 12.0
 """Chi square from which a name outweighs none: odds of 0.08, and the width of its prior [1]."""
-_MAX_BIAS, _BIAS_STDS = np.deg2rad(2.5), 2.0
-"""Error of all grades that is not obvious [rad], and standard deviations of it to allow for [1]."""
+_MAX_BIAS = np.deg2rad(2.5)  # error of all grades that is not obvious [rad]
 _ABSORBED = 0.98  # share of a column that the base absorbs, from which it hides it [1]
 _BIAS_TEST = (
     "stand still on ground of known slope, or drive the same slope both ways, and read the pitch; "
@@ -70,10 +69,11 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
         if share[group].min() >= _ABSORBED:
             never_seen.add(name)
     stops = len(fit.trace.table)
-    limit = log.base_chi_square() + float(chi2.isf(LOCATED, 4)) * stops / max(stops - 5, 1)
+    limit = log.base_chi_square() + float(chi2.isf(prior.RULED_OUT, 4)) * stops / max(stops - 5, 1)
     causes: dict[str, str] = {}
     chi_square, bias, std = log.cause_chi_square(len(named))
-    if chi_square < limit and abs(bias) - _BIAS_STDS * std <= _MAX_BIAS:
+    min_bias = abs(bias) - float(norm.isf(0.5 * prior.RULED_OUT)) * std
+    if chi_square < limit and min_bias <= _MAX_BIAS:
         causes[GRADE_BIAS] = _BIAS_TEST
     for i, c in enumerate(named):
         if c.name in never_seen:

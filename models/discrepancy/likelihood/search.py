@@ -10,7 +10,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary
+from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary, prior_of
 from slopewise.models.discrepancy.likelihood.fit import Fit
 from slopewise.models.discrepancy.likelihood.gaussian import Solved
 from slopewise.models.discrepancy.likelihood.marginal import mixed, solved_both
@@ -64,7 +64,7 @@ def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[Found]:
 
 def _grown(found: Found, book: Dictionary, both: tuple[Solved, Solved], depth: int) -> list[Found]:
     """With one more name, the best column of each, grids summed."""
-    conditional = [conditioned(base.left, base.pull, found.chosen)[:2] for base in both]
+    conditional = [conditioned(base.left, base.pull, found.chosen) for base in both]
     (gain, sign), (changed_gain, changed_sign) = (
         gains_of(*rest, book.candidates) for rest in conditional
     )
@@ -109,16 +109,13 @@ def gains_of(left: Floats, pull: Floats, every: Sequence[Candidate]) -> tuple[Fl
     return gain, sign
 
 
-def conditioned(
-    left: Floats, pull: Floats, chosen: Sequence[Candidate]
-) -> tuple[Floats, Floats, Floats]:
-    """Precision and right-hand side of all columns once the chosen ones are fitted; their means."""
+def conditioned(left: Floats, pull: Floats, chosen: Sequence[Candidate]) -> tuple[Floats, Floats]:
+    """Precision and right-hand side of all columns once the chosen ones are fitted."""
     if not chosen:
-        return left, pull, np.empty(0)
+        return left, pull
     index = [i for c in chosen for i in c.index]
-    std = np.concatenate([c.std for c in chosen])
-    middle = np.concatenate([np.full(c.count, c.centre) for c in chosen])
+    std, middle = prior_of(chosen)
     inner = left[np.ix_(index, index)] + np.diag(1.0 / std**2)
     mean = np.linalg.solve(inner, pull[index] + middle / std**2)
     cross = left[:, index]
-    return left - cross @ np.linalg.solve(inner, cross.T), pull - cross @ mean, mean
+    return left - cross @ np.linalg.solve(inner, cross.T), pull - cross @ mean

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
-from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import MIN_PULL, StopTable
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment, Onset, Samples
@@ -95,20 +95,19 @@ def spread_of(shares: Floats, used: Floats) -> Floats:
     return size_of(shares - np.einsum("smq,sm->q", shares, used) / used.sum(), used)
 
 
-def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats], session: Ints) -> Trace:
+def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats]) -> Trace:
     """The trace of a log.
 
     Args:
         table: S stops. model: as configured.
         spikes: (S, M, Q) shares of smooth effects, (Q,) whether brakes bring them.
-        session: (S,) number of the session of each stop.
     """
     used = ((table.time > table.onset) & (table.speed > 0.0)).astype(np.float64)
-    force = float(np.median(table.force))
-    always, std = _always(table, used, force, spikes, session)
+    force = max(float(np.median(table.force)), MIN_PULL)
+    always, std = _always(table, used, force, spikes)
     along = np.clip((table.time - table.onset) / (table.time[:, -1:] - table.onset), 0.0, 1.0)
     waves = [np.cos(np.pi * j * along) for j in range(WAVES + 1)]
-    slow = np.stack(waves, axis=2) * np.maximum(table.force, 0.05)[:, None, None]
+    slow = np.stack(waves, axis=2) * np.maximum(table.force, MIN_PULL)[:, None, None]
     return Trace(
         table,
         model,
@@ -140,7 +139,6 @@ def _always(
     used: Floats,
     force: float,
     spikes: tuple[Floats, Floats],
-    session: Ints,
 ) -> tuple[Integrated, Floats]:
     """Coefficients, waves of the onset (deviation 1), sessions, spikes; (P,) prior deviations."""
     base = base_shares(table)
@@ -148,7 +146,8 @@ def _always(
     early = np.stack([np.cos(np.pi * j * since) for j in range(1, WAVES + 1)], axis=2)
     early = projected(early, base, used)
     early *= force / size_of(early, used)
-    days = [(session == s) - np.mean(session == s) for s in np.unique(session)]
+    on_day = [table.session == s for s in np.unique(table.session)]
+    days = [on - np.mean(on) for on in on_day]
     days = days if len(days) > 1 else []
     ones = np.ones_like(table.time)
     by_day = np.stack([force * d[:, None] * ones for d in days], axis=2) if days else base[:, :, :0]

@@ -1,17 +1,19 @@
 """From a table of stops to weighed explanations.
 
 The search goes in rounds: scatter that an effect explains hides others, so everything is searched
-again at the onset and the noise of the leader, until the leader stays.
+again at the onset and the noise of the leader, until the leader stays. Every set then has two
+weights, with and without a lag.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
-from slopewise.models.arrays import Ints
+from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import (
@@ -19,52 +21,58 @@ from slopewise.models.discrepancy.likelihood.dictionary import (
     dictionary_of,
     spikes_of,
 )
-from slopewise.models.discrepancy.likelihood.fit import Fit, fit, quick_fit
+from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit, fit, quick_fit
 from slopewise.models.discrepancy.likelihood.place import placed
-from slopewise.models.discrepancy.likelihood.posterior import Explanation, explanations
 from slopewise.models.discrepancy.likelihood.search import WIDTH, Found, searched
 from slopewise.models.discrepancy.likelihood.trace import Trace, trace_of
+from slopewise.models.discrepancy.model.hypothesis import MAX_STEPS
+from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
 
-_ROUNDS = 4  # of the search: a fourth changed no leader
 _HIDES = 1.5  # scatter over the usual one from which effects may hide in it [1]
 LEADERS = 3  # sets that are followed to the end: onset fitted, compared on stops held out
+LAG = next(name for name, law in LAWS.items() if law.enters is Enters.LAG)
+"""Name of the effect that is an onset, not a column."""
+_POINTS = 120  # points of the integral over ln τ
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
-    """Weights of all explanations of a log.
+class Explanation:
+    """One answer.
 
     Attributes:
-        explanations: the heaviest first. book: columns of all that was tried.
+        names: of effects. axes: causes without a name.
+        log_weight: ln of its weight. fit, at: and the build-up it holds at.
     """
 
-    explanations: tuple[Explanation, ...]
-    book: Dictionary
+    names: frozenset[str]
+    axes: frozenset[str]
+    log_weight: float
+    fit: Fit
+    at: int
 
 
 def weighed(
     table: StopTable,
     model: Model,
-    session: Ints,
     odds: float = 1.0,
     advance: Callable[[float], None] = lambda share: None,
-) -> Weights:
-    """Weigh all explanations of a log.
+) -> tuple[list[Explanation], Dictionary]:
+    """All explanations of a log, the heaviest first, and columns of all that was tried.
 
     Args:
-        table: S stops. model: as configured. session: (S,) number of each stop's session.
+        table: S stops. model: as configured.
         odds: of causes before the log, over those of :mod:`.prior`.
         advance: receives the share that is done.
     """
-    trace = trace_of(table, model, spikes_of(table, model), session)
+    trace = trace_of(table, model, spikes_of(table, model))
     book = dictionary_of(table, model, trace.used, trace.force, odds)
     nothing = frozenset[str]()
     known = {nothing: fit(trace, book, ())}
     advance(0.3)
     leader = nothing
-    for turn in range(_ROUNDS):
+    for turn in range(MAX_STEPS):
         at = known[leader]
         # What is missing is taken for scatter, which hides it: also searched at usual scatter.
         quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
@@ -86,7 +94,7 @@ def weighed(
     _try_named(known, ranked[:LEADERS], trace, book)
     every = explanations(known.values(), model.braking.dead_time, odds)
     advance(1.0)
-    return Weights(tuple(every), book)
+    return every, book
 
 
 _Known = dict[frozenset[str], Fit]
@@ -135,3 +143,42 @@ def _moved(match: Found, known: Fit) -> bool:
 def _settled(trace: Trace, book: Dictionary, known: Fit, near: Fit) -> Fit:
     """With a separate onset, from that of another explanation or from its present one."""
     return fit(trace, book, known.chosen, known.log_prior, (near, known))
+
+
+def explanations(fits: Iterable[Fit], dead_time: float, odds: float) -> list[Explanation]:
+    """Answers of refitted sets.
+
+    Args:
+        fits: refitted sets. dead_time: in the model file [s].
+        odds: prior odds of causes, over those of :mod:`.prior`.
+    """
+    found = []
+    for known in fits:
+        late = np.array([o.dead_time for o in known.onsets])
+        # A model has one lag: where there is one, what the onset lacks is dead time.
+        has_lag = any(effect.name == LAG for effect in known.trace.model.effect)
+        for lag in (False,) if has_lag else (False, True):
+            own = known.log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
+            own += np.log(prior.FURTHER) if lag and known.chosen else 0.0
+            weight, at = _over_build_up(known, late - dead_time, lag)
+            names = frozenset(c.name for c in known.chosen if c.named) | ({LAG} if lag else set())
+            axes = frozenset(c.name for c in known.chosen if not c.named)
+            found.append(Explanation(names, axes, own + weight, known, at))
+    return sorted(found, key=lambda e: -e.log_weight)
+
+
+def _over_build_up(fit: Fit, late: Floats, lag: bool) -> tuple[float, int]:
+    """Logarithm of the integral over ln τ, and the index of its largest term."""
+    taus, evidence = np.array([o.build_up for o in fit.onsets]), fit.evidence
+    log_tau = np.log(taus)
+    # A calibration took the usual build-up for dead time, and a lag that came later did not.
+    off = late + (np.minimum(taus, prior.BUILD_UP) if lag else taus)
+    usual = -0.5 * (off / prior.DEAD_TIME) ** 2
+    fine = np.linspace(np.log(prior.SLOW[1]), np.log(prior.LAG[1]), _POINTS)
+    density = prior.of_lag(fine) if lag else prior.of_build_up(fine)
+    lowest = float(evidence.min()) - HOPELESS
+    followed = np.interp(fine, log_tau, evidence, left=lowest, right=lowest)
+    terms = prior.TEMPER * followed + np.interp(fine, log_tau, usual)
+    terms = terms + np.log(np.maximum(density, 1e-300))
+    weight = float(logsumexp(terms) + np.log(fine[1] - fine[0]))
+    return weight, int(np.argmin(np.abs(log_tau - fine[int(np.argmax(terms))])))

@@ -21,8 +21,6 @@ from slopewise.models.effects.brake_lag import missing_share
 from slopewise.models.laws import crest, wheel_lockup
 from slopewise.models.quantity import GRAVITY
 
-_HEATINGS = 2  # how often the heat of brakes that fade is recomputed
-_MIN_MEAN = 1e-3  # mean force by which forces within a stop are divided at least [1]
 _MIN_COOLING = 0.5  # shortest time constant of cooling that is computed [s]
 
 
@@ -73,11 +71,8 @@ def brought_force(
         cap = np.asarray(wheel_lockup.friction_cap(place.grade, place.roll, terms.friction))
     passes = np.ones_like(force)
     if terms.fade > 0.0:
-        onset = hypothesis.dead_time
-        for _ in range(_HEATINGS):  # brakes that fade heat less from then on
-            even = _even(np.minimum(force * passes, cap), _braking(time, onset))
-            q = heat(table, terms.fade_tau, speed, time, onset, even)
-            passes = remaining_share(q, terms.fade, terms.fade_tau)
+        q = heat(table, terms.fade_tau, speed, time, hypothesis.dead_time)
+        passes = remaining_share(q, terms.fade, terms.fade_tau)
     given = force * passes
     passes = np.where(given > cap, 0.0, passes)
     given = np.minimum(given, cap)
@@ -86,20 +81,6 @@ def brought_force(
         remaining = crest.remaining_force(speed, place.vertical_curvature, share)
         given, passes = given * remaining, passes * remaining
     return Brought(force, given, passes)
-
-
-def _braking(time: Floats, onset: float) -> Floats:
-    """(S, M) share of the step around each time that lies after the onset, smooth in the onset."""
-    step = time[:, 1:2] - time[:, :1]
-    result: Floats = np.clip((time - onset) / step + 0.5, 0.0, 1.0)
-    return result
-
-
-def _even(force: Floats, braking: Floats) -> Floats:
-    """(S, M) forces as multiples of their mean while braking."""
-    mean = np.sum(force * braking, axis=1) / np.maximum(np.sum(braking, axis=1), 1.0)
-    result: Floats = force / np.maximum(mean, _MIN_MEAN)[:, None]
-    return result
 
 
 def lagged(demanded: Floats, since: Floats, lag: float) -> Floats:
@@ -118,26 +99,15 @@ def lagged(demanded: Floats, since: Floats, lag: float) -> Floats:
     return result
 
 
-def heat(
-    table: StopTable,
-    tau: float,
-    speed: Floats,
-    time: Floats,
-    onset: float,
-    even: Floats | None = None,
-) -> Floats:
+def heat(table: StopTable, tau: float, speed: Floats, time: Floats, onset: float) -> Floats:
     """(S, M) brake heat per mass q [J/kg]: power of the braking force less cooling.
 
-    The mean force is the measured one of each stop, at any friction.
-
-    Args:
-        even: (S, M) force within each stop as a multiple of its mean; 1 without.
+    The force is the measured one of each stop, at any friction, and even within it.
     """
     tau = max(tau, _MIN_COOLING)
     step = time[:, 1:2] - time[:, :1]
-    power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * _braking(time, onset)
-    if even is not None:
-        power = power * even
+    braking = np.clip((time - onset) / step + 0.5, 0.0, 1.0)  # smooth in the onset
+    power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * braking
     # q' = power − q/τ solved with its factor e^(t/τ); stops are short compared with τ.
     factor = np.exp((time - time[:, :1]) / tau)
     driven = power * factor

@@ -16,6 +16,7 @@ from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect, Model
 
+MAX_STEPS = 25  # of an iteration: each ends before, where nothing is gained
 BASE = len(NAMES) + 1
 """Numbers before those of the effects: four shifts and the dead time."""
 
@@ -56,10 +57,6 @@ class Hypothesis:
     def names(self) -> tuple[str, ...]:
         """Names of the effects added."""
         return tuple(effect.name for effect in self.added)
-
-    def plus(self, effect: Effect) -> Hypothesis:
-        """With one more effect."""
-        return replace(self, added=(*self.added, effect))
 
     @property
     def free(self) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from slopewise.models.arrays import Elementwise, Floats
 from slopewise.models.discrepancy.data.stop_table import GROUND, StopGround, StopTable
 from slopewise.models.discrepancy.model.brakes import brought_force, heat, motion_of
-from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.hypothesis import MAX_STEPS, Hypothesis
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Enters, Place
 from slopewise.models.effects.registry import LAWS
@@ -24,7 +24,6 @@ from slopewise.models.parameters import Effect
 from slopewise.models.quantity import GRAVITY
 
 _MIN_TURNING_SPEED = 0.3  # below which a yaw rate makes no larger curvature [m/s]
-_SWEEPS = 12  # repetitions of the integral: two more change nothing
 _SAME_SPEED = 1e-5  # change of a simulated speed that is negligible [m/s]
 
 
@@ -153,7 +152,7 @@ def simulate(
         np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1, out=way[:, 1:])
         return way + speed[:, None] * np.minimum(time[:, :1], 0.0)
 
-    for _ in range(_SWEEPS):
+    for _ in range(MAX_STEPS):
         way = way_of(v)
         fall = predict(table, hypothesis, v, _along(table, way), time)
         again = np.maximum(speed[:, None] - fall, 0.0)

@@ -31,9 +31,8 @@ from slopewise.models.effects.registry import LAWS
 from slopewise.models.quantity import GRAVITY
 
 _MAX_REPEATS = 5  # repetitions of a design that are practical
-_STOPS = 6  # of a proposed design: half a dozen are driven in ten minutes
+_STOPS = 6  # of a design, and before one after the shortest pause: ten minutes of driving
 _PAUSES = (5.0, 60.0, 900.0)  # before a proposed stop, warm to cold [s]
-_WARMING = 6  # stops that are driven before one after the shortest pause
 _SHARPER = 0.9  # of its std, to which a number has to shrink for stops to be proposed [1]
 
 _QUIETER = (
@@ -189,7 +188,7 @@ def _possible(table: StopTable, best: Refit) -> tuple[list[PlannedStop], StopTab
         plans.append(PlannedStop(float(speed or 0.0), float(grade or 0.0), **given))
     sheet = sheet_of(table, plans, best)
     none = np.zeros((*sheet.time.shape, 1)), np.zeros(1)
-    trace = trace_of(sheet, best.hypothesis.model, none, np.zeros(len(sheet), np.int64))
+    trace = trace_of(sheet, best.hypothesis.model, none)
     return plans, sheet, Whitener.of(trace, best.whitener.onset, best.whitener.noise)
 
 
@@ -245,7 +244,7 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
 
     clock = float(table.clock.max()) + pauses
     warmed = tuple(
-        tuple((float(pause) * (k + 1), 0.5 * float(v) ** 2) for k in range(_WARMING))
+        tuple((float(pause) * (k + 1), 0.5 * float(v) ** 2) for k in range(_STOPS))
         if pause <= _PAUSES[0]
         else ()
         for pause, v in zip(pauses, speed, strict=True)
@@ -268,6 +267,7 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
         held=speed,
         clock=clock,
         run=np.full(len(plans), int(table.run.max()) + 1),
+        session=np.zeros(len(plans), np.int64),
         run_names=("",) * len(plans),
         terrain=("",) * len(plans),
         distance=np.zeros(len(plans)),

@@ -15,8 +15,8 @@ from slopewise.models.discrepancy.findings import (
     NamedEffect,
     Verdict,
 )
-from slopewise.models.discrepancy.likelihood.residual_axes import LOCATED, ResidualAxis
-from slopewise.models.discrepancy.model.hypothesis import BASE, free_parameters
+from slopewise.models.discrepancy.likelihood.prior import RULED_OUT
+from slopewise.models.discrepancy.likelihood.residual_axes import ResidualAxis
 from slopewise.models.discrepancy.report.words import UNSEEN
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect
@@ -27,22 +27,16 @@ def named_effects(decision: Decision, located: Sequence[ResidualAxis]) -> tuple[
     if decision.verdict not in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS):
         return ()
     fit = decision.explanation
-    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     named = []
-    k = BASE
     named_already = set(decision.names)
-    each = zip(fit.hypothesis.added, decision.confidence, fit.extents, strict=True)
-    for i, (effect, confidence, places) in enumerate(each):
-        law = LAWS[effect.name].parameters
-        free = free_parameters(effect)
-        values = {}
-        for name, value in effect.parameters.items():
-            error = float(std[k + free.index(name)]) if name in free else 0.0
-            error = places.get(name, error)
-            values[name] = Estimate(float(value), error, law[name].unit)
-        k += len(free)
-        if i not in decision.named:
-            continue
+    covariances = fit.of_effects
+    for i in decision.named:
+        effect = fit.hypothesis.added[i]
+        law, std = LAWS[effect.name].parameters, np.sqrt(np.diag(covariances[i]))
+        values = {
+            name: Estimate(float(value), float(error), law[name].unit)
+            for (name, value), error in zip(effect.parameters.items(), std, strict=True)
+        }
         alternatives = []
         for alternative in decision.alternatives:
             if effect.name not in alternative.names:
@@ -51,7 +45,10 @@ def named_effects(decision: Decision, located: Sequence[ResidualAxis]) -> tuple[
                 ]
         along = next((f for f in located if f.axis.name == LAWS[effect.name].axis), None)
         named.append(
-            NamedEffect(effect.name, values, confidence, tuple(alternatives), _where(effect, along))
+            NamedEffect(
+                *(effect.name, values, decision.confidence[i], tuple(alternatives)),
+                _where(effect, along),
+            )
         )
     # By confidence; of equals, in the order of the search.
     return tuple(sorted(named, key=lambda e: -round(e.confidence, 2)))
@@ -68,7 +65,7 @@ def located_axes(
         structure: p-value below which an axis contradicts that nothing is missing.
     """
     calm = decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY)
-    certain = [f for f in located if f.p_value < (structure if calm else LOCATED)]
+    certain = [f for f in located if f.p_value < (structure if calm else RULED_OUT)]
     acting = [LAWS[n].axis for n in decision.names]
     if decision.axis is not None and not acting:
         acting = [decision.axis.axis.name]

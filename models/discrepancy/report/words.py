@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slopewise.models.discrepancy.findings import (
+    CERTAIN,
     Findings,
     Gap,
     LikelyExplanation,
@@ -14,13 +15,12 @@ from slopewise.models.discrepancy.findings import (
 from slopewise.models.effects.registry import LAWS
 
 UNSEEN = 0.005  # change of a stop that two decimals do not show [m]
-_MAX_CONFIDENCE = 0.99  # more is not reported: other causes are always possible [1]
 
 
 def sure_words(confidence: float) -> str:
     """Nothing is quite certain."""
-    more = "more than " if confidence > _MAX_CONFIDENCE else ""
-    return f"{more}{min(confidence, _MAX_CONFIDENCE):.0%}"
+    more = "more than " if confidence > CERTAIN else ""
+    return f"{more}{min(confidence, CERTAIN):.0%}"
 
 
 def _weighed(explanation: LikelyExplanation) -> str:
@@ -33,7 +33,7 @@ def closed_words(gap: Gap) -> str:
     """How much of a gap is closed; nothing is ever quite closed."""
     if gap.closed is None or gap.ci95 is None:
         return "too near the floor for a percentage"
-    low, high = (f"{min(end, _MAX_CONFIDENCE):.0%}" for end in gap.ci95)
+    low, high = (f"{min(end, CERTAIN):.0%}" for end in gap.ci95)
     return f"{sure_words(gap.closed)} closed ({low} … {high})"
 
 

@@ -68,7 +68,7 @@ def test_a_candidate_gains_what_the_density_gains() -> None:
     plain, first, together = (_dense(columns[:, :, :n], STD[:n], CENTRE[:n]) for n in (1, 2, 3))
     (gain, _), _ = gains_of(base.left, base.pull, [first_candidate, second_candidate])
     assert gain == pytest.approx(first - plain, rel=1e-8)
-    left, pull, _ = conditioned(base.left, base.pull, [first_candidate])
+    left, pull = conditioned(base.left, base.pull, [first_candidate])
     (gain,), _ = gains_of(left, pull, [second_candidate])
     assert gain == pytest.approx(together - first, rel=1e-8)
 

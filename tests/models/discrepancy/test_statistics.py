@@ -30,12 +30,13 @@ from tests.world.logs import (
 from tests.world.vehicles import BASE
 
 BASIS = Hypothesis.configured(BASE)
+LAG = Effect(name="brake_lag", parameters={"tau": 0.15})
 
 
 def sampled(stops: StopTable, hypothesis: Hypothesis, white: Whitener, seed: int) -> StopTable:
     """The stops with speeds speeds from a hypothesis and the noise of a whitener."""
     rng = np.random.default_rng(seed)
-    trace = trace_of(stops, BASE, _no_spikes(stops), np.zeros(len(stops), np.int64))
+    trace = trace_of(stops, BASE, _no_spikes(stops))
     effects = columns_at(trace, white.onset)[1]
     std = np.sqrt(prior.own_variance(white.noise, effects.shape[2]))
     std[0] = 0.5  # a level of 10 m/s would only round
@@ -65,7 +66,7 @@ def test_whitened_residuals_are_independent_with_variance_one() -> None:
 
 
 def test_intervals_of_a_lag_cover() -> None:
-    stops, truth = table("clean"), BASIS.plus(Effect(name="brake_lag", parameters={"tau": 0.15}))
+    stops, truth = table("clean"), replace(BASIS, added=(LAG,))
     white = whitener_of(stops, build_up=0.15, lagging=True)
     inside = 0
     for seed in range(20):

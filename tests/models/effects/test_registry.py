@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -167,7 +167,7 @@ def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) ->
         return  # not linear in its only number
     stops, strength = table("crests"), 1e-6
     inner, share = next(iter(search.columns(stops_seen(stops, _base()))))
-    hypothesis = _base().plus(effect_of(name, inner, _first(share, strength)))
+    hypothesis = replace(_base(), added=(effect_of(name, inner, _first(share, strength)),))
     share = share if share.ndim == 2 else share[:, :, 0]
     change = (predict(stops, hypothesis) - predict(stops, _base())) / strength
     column = GRAVITY * cumulative_trapezoid(share, stops.time, axis=1, initial=0.0)

@@ -45,7 +45,9 @@ def test_a_stop_is_that_of_the_simulation(name: str) -> None:
     stops = table("clean").take([0, 5, 11])
     effect = Effect(name=name, parameters=SAMPLES[name])
     time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
-    speed, way = simulate(stops, Hypothesis.configured(BASE).plus(effect), stops.held, time)
+    speed, way = simulate(
+        stops, replace(Hypothesis.configured(BASE), added=(effect,)), stops.held, time
+    )
     for i in range(len(stops)):
         reference = simulate_stop(
             replace(BASE, effect=(effect,)),
@@ -60,7 +62,7 @@ def test_a_stop_is_that_of_the_simulation(name: str) -> None:
 def test_a_stop_over_a_crest_is_that_of_the_simulation() -> None:
     stops = table("crests").take([0, 5, 11, 20])
     effect = Effect(name="crest_unloading", parameters={"k": 2.0})
-    hypothesis = Hypothesis.configured(BASE).plus(effect)
+    hypothesis = replace(Hypothesis.configured(BASE), added=(effect,))
     time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
     speed, way = simulate(stops, hypothesis, stops.held, time)
     plain, _ = simulate(stops, Hypothesis.configured(BASE), stops.held, time)
@@ -76,7 +78,7 @@ def test_a_step_change_holds_from_its_run_on() -> None:
     stops = table("clean")
     effect = Effect(name="step_change", parameters={"scale": 0.8, "run": 20.0})
     base = Hypothesis.configured(BASE)
-    error = predict(stops, base.plus(effect))[:, -1] - predict(stops, base)[:, -1]
+    error = predict(stops, replace(base, added=(effect,)))[:, -1] - predict(stops, base)[:, -1]
     assert np.all(error[stops.run < 20] == 0.0)
     assert np.all(error[stops.run >= 20] < 0.0)
 
@@ -85,9 +87,9 @@ BASIS = Hypothesis.configured(BASE)
 FADE = Effect(name="brake_fade", parameters={"k": 0.03, "tau": 60.0})
 
 
-def test_brakes_that_fade_within_a_stop_heat_less_from_then_on() -> None:
+def test_brakes_fade_as_by_an_integrator_within_a_stop() -> None:
     stops = replace(table("clean"), warmed=((),) * len(table("clean")))
-    hypothesis = BASIS.plus(FADE)
+    hypothesis = replace(BASIS, added=(FADE,))
     demanded = demanded_force(stops, hypothesis, stops)
     k, tau = FADE.parameters["k"], FADE.parameters["tau"]
     onset = hypothesis.dead_time
@@ -103,11 +105,11 @@ def test_brakes_that_fade_within_a_stop_heat_less_from_then_on() -> None:
             slope, (onset, stops.time[i, -1]), [0.0], t_eval=stops.time[i, after], max_step=0.01
         ).y[0]
         given.append(demanded[i, after] / (1.0 + k * q))
-    # The mean force is the stop's own, here that of the integrator.
+    # The force is the stop's own, here that of the integrator, and even within it.
     stops = replace(stops, force=np.array([float(np.mean(g)) for g in given]))
     delivered = brought_force(stops, hypothesis, demanded, stops.speed, stops, stops.time).given
     for i, true in enumerate(given):
         lost = 1.0 - true[-1] / demanded[i, -1]
         assert lost > 0.005
         error = np.abs(delivered[i, stops.time[i] > onset] - true)
-        assert np.max(error) < 0.03 * lost * demanded[i].max()
+        assert np.max(error) < 0.04 * lost * demanded[i].max()
