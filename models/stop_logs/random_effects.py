@@ -129,7 +129,10 @@ def _start(design: Floats, observed: Floats, noise: Floats, mean: Floats, info: 
     def residual(beta: Floats) -> Floats:
         return np.concatenate(((observed - design @ beta) * weight, root @ (beta - mean)))
 
-    solution: Floats = least_squares(residual, mean, jac=lambda _: jacobian, loss="soft_l1").x
+    # A copy each time: a robust loss scales it in place.
+    solution: Floats = least_squares(
+        residual, mean, jac=lambda _: jacobian.copy(), loss="soft_l1"
+    ).x
     return solution
 
 

@@ -215,11 +215,12 @@ def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
     filled = np.interp(np.arange(len(at_rest) + length), known, at_rest[known])
     rise = filled[length:] - filled[:-length]
     padded = np.pad(rise, length)
-    # A slope with the step continues below it from either side; one against it from both: a gap
-    # that is bridged falls on one side, and rises as far again on the other.
+    # A slope with the step continues below it from either side, unless it turns there; one against
+    # it from both: a gap that is bridged falls on one side, and rises as far on the other.
     slopes = np.sign(rise) * np.array([padded[: len(rise)], padded[2 * length :]])
-    with_it, against_it = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.max(axis=0), 0.0)
-    change = np.maximum(np.abs(rise) - with_it + against_it, 0.0)
+    with_it, on_both = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.max(axis=0), 0.0)
+    turning = np.minimum(with_it, np.maximum(-slopes.min(axis=0), 0.0))
+    change = np.maximum(np.abs(rise) - with_it + turning + on_both, 0.0)
     # Stretches that hold all of a step begin before it by no more than they are longer.
     more = length - _PARTS
     largest: Floats = sliding_window_view(np.pad(change, (more, 0), mode="edge"), more + 1).max(-1)

@@ -27,6 +27,7 @@ from slopewise.services.check.reported_columns import (
     check_columns,
     check_reported_stops,
     check_status,
+    tail_of_full_braking,
     verified_columns,
 )
 from slopewise.services.check.speed_claims import (
@@ -83,7 +84,8 @@ def check_plan_on_map(
         return _at_rest(plan)
     heights = averaged(heights, model.vehicle.wheel_radius)
     errors = input_errors(model.tracking, quantile if quantile > 0.5 else None)
-    beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0), heights.resolution)
+    tail = tail_of_full_braking(plan, model.limits.decel, heights.resolution)
+    beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0), tail)
     line, sides = _line_and_sides(plan, beyond, model, errors)
     if quantile > 0.5:
         model = promised(model, quantile)
@@ -135,12 +137,14 @@ def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) 
     driven = motion._replace(moving=motion.moving & ground.known)
     check_driving(log, drive, driven)
     blocked = np.any([there for _, there, _ in blocking_ground(drive)], axis=0)
+    steps = np.zeros_like(blocked)
     obstacles = obstacles_along(heights, drive.line.body, ground, model.vehicle)
     for kind, excess, sentence, value in (*obstacles, too_tight(drive.turning, model)):
         if excess[0] > TOLERANCES[kind].value:  # It is in that already.
             excess[drive.line.row == 0] = -np.inf
         log.add(kind, excess, sentence, value, where=driven.moving)
-        blocked |= excess > TOLERANCES[kind].value
+        of_kind = steps if kind == "step" else blocked
+        of_kind |= excess > TOLERANCES[kind].value
     if not shows_steps(heights, model.vehicle):
         log.notes.append(
             f"steps were not checked: cells of {heights.resolution:g} m do not show any to "
@@ -152,8 +156,8 @@ def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) 
     stops = stops_at_rows(drive, motion, worst)
     below, near, far = (breaches(drive, *of) for of in zip(tried, ends, strict=True))
     check_reported_stops(log, drive, stops, driven.moving)
-    edge = step_length(heights, model.vehicle)
-    check_clear_distance(log, drive, blocked, heights.resolution, edge)
+    length = step_length(heights, model.vehicle)
+    check_clear_distance(log, drive, blocked, steps, heights.resolution, length)
     check_status(log, drive)
     check_speed_bound(log, drive, below)
     check_limiting(log, drive, motion, near, far)
@@ -192,10 +196,10 @@ def _check_spacing(
     log.sparse.update(np.flatnonzero(steps > (1.0 + TOLERANCES["spacing"].value) * widest).tolist())
 
 
-def _tail_and_ends(plan: ExternalPlan, clear: float, cell: float) -> tuple[float, Floats]:
+def _tail_and_ends(plan: ExternalPlan, clear: float, tail: float) -> tuple[float, Floats]:
     """Length behind the last row, and stations before which stops from rows have to end (N,).
 
-    ``cell``: edge of a cell of the map [m].
+    ``tail``: of the path there, at least [m].
     """
     steps = np.hypot(np.diff(plan.x), np.diff(plan.y))
     ends = np.full(len(plan.x), clear)
@@ -203,9 +207,7 @@ def _tail_and_ends(plan: ExternalPlan, clear: float, cell: float) -> tuple[float
         ends = np.minimum(ends, plan.clear_distance)
     beyond = 0.0
     if np.isfinite(ends).any():
-        # A fallback that brakes hard rests before its last row, which is moved back to there.
-        min_tail = 2.0 * cell if plan.status == "degraded" else 0.0
-        beyond = max(float(steps[-1]), _MIN_TAIL, min_tail)
+        beyond = max(float(steps[-1]), _MIN_TAIL, tail)
     # The end of a row, or that of the next: the nearer one.
     ends[:-1] = np.minimum(ends[:-1], ends[1:])
     return beyond, np.where(np.isfinite(ends), ends, 1e12)

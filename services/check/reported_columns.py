@@ -18,9 +18,11 @@ from slopewise.services.check.plan_line import (
 )
 from slopewise.services.check.speed_claims import MOTION
 from slopewise.services.check.stop_ends import CheckedStops
+from slopewise.services.check.tolerances import SERVICE
 
 _NOTED = 0.1  # [m] longer reported stops are worth a note: ten times the tolerance of stations
 _UNEVEN = 0.025  # share of a stop that grades between rows change, most where brakes are weak
+_MAX_TAIL = 0.5  # [m] of path behind the rows of a fallback: beyond that it may bend
 _STATION, _STATION_SHARE = 0.01, 0.002  # [m], [1] of stations: heights between rows
 _TURNED = np.deg2rad(2.0)  # [rad] of slopes where a body trails: its first heading is assumed
 _MORE, _MORE_DISTANCE, _MORE_LOAD = 1.0, 0.5, 0.3  # [1], [m], [1] margins beyond the worst stop
@@ -116,25 +118,47 @@ def check_reported_stops(
             )
 
 
-def check_clear_distance(
-    log: ViolationLog, drive: CheckedDrive, blocked: Bools, cell: float, edge: float
-) -> None:
-    """Note clear distances beyond the first ``blocked`` sample (M,), or beyond the rows.
+def tail_of_full_braking(plan: ExternalPlan, decel: float, cell: float) -> float:
+    """Length of path that a fallback has behind its last row; 0 for other plans [m].
 
-    ``cell``: edge of a cell of the map; ``edge``: over which a step rises on it [m].
+    One that brakes harder than the ``decel`` of a plan [m/s²], and rests before the next row, has
+    that row moved back to where it rests. ``cell``: edge of a cell of the map [m].
+    """
+    speed, way = plan.speed[-2:], np.hypot(np.diff(plan.x[-2:]), np.diff(plan.y[-2:]))
+    brakes_fully = speed[-1] == 0.0 and bool(speed[0] ** 2 > 2.0 * SERVICE * decel * way[0])
+    return min(2.0 * cell, _MAX_TAIL) if plan.status == "degraded" and brakes_fully else 0.0
+
+
+def check_clear_distance(
+    log: ViolationLog,
+    drive: CheckedDrive,
+    blocked: Bools,
+    steps: Bools,
+    cell: float,
+    step_length: float,
+) -> None:
+    """Note clear distances beyond the first blocked sample, or beyond the rows.
+
+    Args:
+        log: receives them. drive: the plan on its ground.
+        blocked, steps: (M,) samples that must not be driven, and those where a wheel meets a step.
+        cell: edge of a cell of the map [m].
+        step_length: over which a step rises, so that its place is known to a half of it [m].
     """
     plan, ground, rows = drive.plan, drive.ground, drive.line.at_row
     if plan.clear_distance is None:
         return
     clear = plan.clear_distance
     station = ground.station[rows]
-    # A plan that is blocked may end up to two rows, or a cell, before the clear distance does; a
-    # fallback that brakes hard rests before its last row, which is moved back to there.
-    min_step = 2.0 * cell if plan.status == "degraded" else cell
+    # A plan that is blocked may end up to two rows, or a cell, before the clear distance does.
+    min_step = max(cell, tail_of_full_braking(plan, drive.field.model.limits.decel, cell))
     step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), min_step)
     allowed = _STATION + _STATION_SHARE * (station[-1] - station[0])
-    first = float(np.where(blocked, ground.station, np.inf).min())
-    end = min(float(station[-1]) + step, first + 0.5 * edge) + allowed
+    first = min(
+        float(np.where(blocked, ground.station, np.inf).min()),
+        float(np.where(steps, ground.station, np.inf).min()) + 0.5 * step_length,
+    )
+    end = min(float(station[-1]) + step, first) + allowed
     cause = "rows end" if end - allowed < first else "known ground without obstacles ends"
     sentence = f"clear_distance is {{0:.2f}} m in the plan, where {cause} at {end - allowed:.2f} m"
     log.add("clear_distance", clear - end, sentence, clear, at=rows)

@@ -86,7 +86,8 @@ def decide(
     in every stop [1]; ``reached``: speed to which the vehicle may have accelerated since the motion
     [m/s]; ``before``: commands that the vehicle may still follow.
     """
-    if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
+    given = (*motion.pose, motion.speed, *command, *(n for of in before for n in of), reached)
+    if not all(map(math.isfinite, given)):
         return stop("command or odometry contains a value that is not finite")
     fastest = max(motion.speed, reached, key=abs)
     if abs(fastest) > _MAX_SPEED:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.averaging_windows import disc_radius
@@ -146,7 +147,7 @@ class ObstacleLayers:
         height = in_blocks(z, block).max(axis=(1, 3))  # unknown where one of its cells is
         self._facets = _framed(_of_corners(height), np.nan)
         self._cells = _framed(height, np.nan)
-        edges = _edges(z, ground.resolution, vehicle, self.noise)
+        edges = _edges(z, ground.resolution, vehicle, self.noise, ground.correlation_length)
         edges = _of_corners(in_blocks(edges, block, 0.0).max(axis=(1, 3)))
         self._edges = _framed(edges > 0.0, False)
         blocked = np.isnan(self._facets) | self._edges
@@ -211,28 +212,44 @@ def _spread(layer: Floats, radius: float) -> Floats:
     return highest
 
 
-def _edges(z: Floats, resolution: float, vehicle: Vehicle, noise: float) -> Floats:
+def _edges(
+    z: Floats, resolution: float, vehicle: Vehicle, noise: float, correlation_length: float
+) -> Floats:
     """1 at cells of steps up or down that wheels must not pass, 0 elsewhere.
 
     A step is a rise over a length beyond those over the same length before and behind: a slope
-    continues on both sides. Cells larger than a wheel show none.
+    continues on both sides. Cells larger than a wheel show none. Where errors of cells are
+    independent, with a ``correlation_length`` below a cell [m], a lower one shows in means of
+    blocks that lie as far apart as their own length: an oblique edge is between them, too.
     """
     marked: Floats = np.zeros(z.shape, np.float32)
     if resolution > vehicle.wheel_radius:
         return marked
-    highest = vehicle.shape.max_step + _SECOND_DIFFERENCE * noise
+    limit, scatter = vehicle.shape.max_step, _SECOND_DIFFERENCE * noise
     n = math.ceil(_NEAR_WHEEL * vehicle.wheel_radius / resolution)
     for layer, to_mark in ((z, marked), (z.T, marked.T)):
-        rise = layer[n:] - layer[:-n]
-        slope = np.zeros_like(rise)
-        before, behind = rise[: -2 * n], rise[2 * n :]
-        common = np.minimum(np.abs(before), np.abs(behind))
-        slope[n:-n] = np.where(before * behind > 0.0, np.copysign(common, before), 0.0)
-        is_step = np.abs(rise - slope) > highest
+        is_step = _rises_beyond(layer, n) > limit + scatter
         for k in range(n // 2, n - n // 2 + 1):  # the middle, where the step is
-            part = to_mark[k : k + len(rise)]
+            part = to_mark[k : k + len(is_step)]
             np.maximum(part, is_step, out=part, casting="unsafe")
+        if noise > 0.0 and correlation_length < resolution and min(layer.shape) > 7 * n:
+            block = n, n + 1
+            means = sliding_window_view(layer, block).mean(axis=(2, 3))
+            is_step = _rises_beyond(means, 2 * n) > limit + scatter / math.sqrt(math.prod(block))
+            for k in range(n, 2 * n):  # between the two blocks
+                part = to_mark[k : k + len(is_step), block[1] // 2 :][:, : is_step.shape[1]]
+                np.maximum(part, is_step, out=part, casting="unsafe")
     return marked
+
+
+def _rises_beyond(z: Floats, n: int) -> Floats:
+    """Rises over n rows, without what rises before and behind have in common [m]."""
+    rise = z[n:] - z[:-n]
+    slope = np.zeros_like(rise)
+    before, behind = rise[: -2 * n], rise[2 * n :]
+    common = np.minimum(np.abs(before), np.abs(behind))
+    slope[n:-n] = np.where(before * behind > 0.0, np.copysign(common, before), 0.0)
+    return np.abs(rise - slope)
 
 
 class MapLayers(NamedTuple):

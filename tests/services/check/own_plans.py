@@ -44,10 +44,9 @@ class Scene:
         return planner.plan(self.ground, self.paths, **options)
 
     def verdict(self, plan: SpeedPlan) -> CheckReport:
-        given, limits = plan_of_columns(driven(plan)), (self.clear, self.quantile)
-        return check_plan_on_map(
-            given, self.model, self.ground, clear=limits[0], quantile=limits[1]
-        )
+        given = plan_of_columns(driven(plan))
+        options = {"clear": self.clear, "quantile": self.quantile}
+        return check_plan_on_map(given, self.model, self.ground, **options)
 
 
 def scene(seed: int) -> Scene:
@@ -76,14 +75,13 @@ def scene(seed: int) -> Scene:
     )
 
 
-def refused(scene: Scene) -> Iterator[tuple[SpeedPlan, list[str]]]:
-    """Plans that may be driven, by their status, and what the checker has against them."""
+def checked(scene: Scene) -> Iterator[tuple[SpeedPlan, list[str]]]:
+    """Plans that may be driven, by their status, and what the checker has against each."""
     for plan in scene.plans():
         if plan.status is Status.INFEASIBLE:
             continue
         violations = scene.verdict(plan).violations
-        if violations:
-            yield plan, [f"{v.kind} at {v.station:.2f} m: {v.sentence}" for v in violations]
+        yield plan, [f"{v.kind} at {v.station:.2f} m: {v.sentence}" for v in violations]
 
 
 def _map(model: Model, rng: Random) -> ElevationMap:
@@ -136,7 +134,7 @@ def _with_obstacle(z: Floats, x: Floats, y: Floats, model: Model, rng: Random) -
 
 
 def _path(number: int, rng: Random) -> CandidatePath:
-    """Curves of changing curvature, corners, a few of them with a reversal."""
+    """Curves of changing curvature, a few of them with a corner."""
     spacing = float(rng.uniform(0.1, 0.6))
     count = int(rng.uniform(4.0, 14.0) / spacing)
     turning = rng.uniform(-0.3, 0.3) + rng.uniform(0.0, 0.3) * np.sin(

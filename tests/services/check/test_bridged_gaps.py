@@ -154,3 +154,21 @@ def test_steps_up_and_down_count_on_any_slope(vehicle: str, cell: float, turn: f
                 vehicle, cell, lambda a, s=sign, f=step, h=high: f(a, s * h * limit), turn
             )
             assert not refused(vehicle, cell, lambda a, s=sign, f=step: f(a, s * 0.7 * limit), turn)
+
+
+@pytest.mark.parametrize(
+    ("cell", "before", "after", "share"),
+    [(0.1, -0.15, 0.15, 1.6), (0.05, -0.2, 0.2, 1.7)],
+)
+def test_a_step_at_the_foot_of_a_slope_is_no_gap(
+    cell: float, before: float, after: float, share: float
+) -> None:
+    """Ground falls before it, and rises behind it; without it that is driven."""
+
+    def heights(ahead: Floats, step: float) -> Floats:
+        ground = np.where(ahead < 0.0, before * ahead, after * np.minimum(ahead, 2.0))
+        return ground + step * (ahead > 0.0)
+
+    highest = slopewise.read_model("atv").vehicle.shape.max_step
+    assert refused("atv", cell, lambda ahead: heights(ahead, share * highest), 0.0)
+    assert not refused("atv", cell, lambda ahead: heights(ahead, 0.0), 0.0)

@@ -44,6 +44,12 @@ def test_a_plan_that_does_not_rest_at_its_end_overruns_it() -> None:
     assert "stopping_path" in {
         x.kind for x in check_plan_on_map(cut, model_with(), ground()).violations
     }
+    # Nor is there more of it because the plan calls itself a fallback.
+    fallback = replace(
+        cut, status="degraded", reason="too fast", clear_distance=np.full(100, s[99] + 0.9)
+    )
+    violations = check_plan_on_map(fallback, model_with(), ground(resolution=0.5)).violations
+    assert "stopping_path" in {x.kind for x in violations}
     # A longer clear distance does not make the path longer.
     violations = check_plan_on_map(cut, model_with(), ground(), clear=30.0).violations
     assert "stopping_path" in {x.kind for x in violations}

@@ -159,6 +159,30 @@ def test_reverse_driving_is_decided_by_the_ground_behind() -> None:
 def test_values_that_are_not_finite_are_a_stop(wrong: float) -> None:
     for values in ((wrong, 1.0), (1.0, wrong), (1.0, 1.0, wrong)):
         assert decided(*values).action == "stop"
+    for before in ((wrong, 0.0), (1.0, wrong)):
+        asked = (0.0, 0.0, 0.0), 1.0, (1.0, 0.0)
+        assert (
+            guard_decision(read_model(ATV), FLAT, *asked, before=[(0.5, 0.0), before]).action
+            == "stop"
+        )
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4, 0.785])
+@pytest.mark.parametrize("std", [0.0, 0.02])
+def test_a_step_above_five_times_the_noise_of_the_map_is_a_stop(heading: float, std: float) -> None:
+    """Of 0.2 m, 0.093 m are the limit; the same noise alone passes."""
+    y, x = np.mgrid[0:100, 0:120] * 0.1
+    noise = np.random.default_rng(5).normal(0.0, std, x.shape)
+    across = (x - 8.0) * np.cos(heading) + (y - 5.0) * np.sin(heading)
+    for height, action in ((0.2, "stop"), (0.0, "pass")):
+        ground = ElevationMap(
+            elevation=np.where(across > 0.0, height, 0.0) + noise,
+            resolution=0.1,
+            origin=(0.0, 0.0),
+            height_std=std,
+        )
+        decision = guard_decision(read_model(ATV), ground, (7.0, 5.0, 0.0), 1.5, (1.5, 0.0))
+        assert decision.action == action
 
 
 def test_vehicle_may_have_reached_the_speed_given_since_the_measurement() -> None:
