@@ -8,7 +8,9 @@ Three shares are measured (``slopewise bench noise``), as no formula gives them:
 - Averaging next to an edge lowers a height near the limit by up to 15 %, with very little noise,
   too. Four standard deviations of a mean are added, as a wheel meets an obstacle between two.
 - A step needs 0.55 of the height that its contrast needs: one that is averaged becomes a ramp as
-  long as the disc, which a tyre still has to climb.
+  long as the disc, which a tyre still has to climb, with the noise on it. Heights that scatter by
+  less than the map states lack that noise: there a step needs 1.3 times the height that it needs
+  without this share.
 - A rock needs 1.25 times that height: its outline fits neither the directions of ridges nor the
   squares, so that a part of it is averaged with the ground around it.
 """
@@ -39,7 +41,7 @@ estimates are within a few percent on smooth ground."""
 _MARGIN = 3.0
 """Standard deviations of the noise by which 98 % of higher obstacles are detected [1]."""
 
-_EDGE, _ERRORS, _STEP, _ROCK = 1.15, 4.0, 0.55, 1.25
+_EDGE, _ERRORS, _STEP, _OVERSTATED, _ROCK = 1.15, 4.0, 0.55, 1.3, 1.25
 """Measured [1]: share of the limit, standard deviations of a mean, shares of a contrast."""
 
 _ROCK_SIZE, _FEW_CELLS, _RING = 0.3, 2.5, 0.87
@@ -68,13 +70,24 @@ def smallest_seen(elevation_map: ElevationMap, vehicle: Vehicle) -> SmallestSeen
     noise = averaged_noise(elevation_map, vehicle.wheel_radius)
     if noise == 0.0:
         return None
-    return seen_at(vehicle, noise, elevation_map.resolution, elevation_map.correlation_length)
+    facts = vehicle, noise, elevation_map.resolution, elevation_map.correlation_length
+    if not _scatters_less(elevation_map):
+        return seen_at(*facts)
+    even = seen_at(*facts, step_share=1.0)
+    return even._replace(step=_OVERSTATED * even.step)
 
 
 def seen_at(
-    vehicle: Vehicle, noise: float, resolution: float, correlation: float = 0.0
+    vehicle: Vehicle,
+    noise: float,
+    resolution: float,
+    correlation: float = 0.0,
+    step_share: float = _STEP,
 ) -> SmallestSeen:
-    """Smallest obstacles that cells of a size show at a noise; lengths [m]."""
+    """Smallest obstacles that cells of a size show at a noise; lengths [m].
+
+    ``step_share``: of the height that its contrast needs, which shows a step [1].
+    """
     windows = averaging_windows(resolution, vehicle.wheel_radius, correlation)
     limit = vehicle.shape.max_step
     std = windows.wide.std * noise * windows.block_std
@@ -89,7 +102,7 @@ def seen_at(
     rock = height(_ROCK * float(std[jumps:].max()), _ERRORS * std_rock)
     if resolution * _FEW_CELLS > _ROCK_SIZE:
         rock = max(rock, post / _RING)
-    step = height(_STEP * float(std[:jumps].max()), _ERRORS * std_step)
+    step = height(step_share * float(std[:jumps].max()), _ERRORS * std_step)
     return SmallestSeen(noise, step, rock, post)
 
 
@@ -122,6 +135,14 @@ def sight_notes(elevation_map: ElevationMap, vehicle: Vehicle) -> tuple[str, ...
     return (*notes, *filter(None, [misstated(elevation_map)]))
 
 
+def _scatters_less(elevation_map: ElevationMap) -> bool:
+    """Heights scatter by less than independent errors of the size that the map states."""
+    stated = elevation_map.height_std
+    if elevation_map.height_std_is_assumed or elevation_map.correlation_length > 0.0:
+        return False
+    return stated > EXACT and _MISSTATED * estimated_noise_of(elevation_map) < stated
+
+
 def misstated(elevation_map: ElevationMap) -> str:
     """Difference of the error that a map states from the scatter of its heights; empty if small."""
     stated = elevation_map.height_std
@@ -131,6 +152,6 @@ def misstated(elevation_map: ElevationMap) -> str:
     differs = f"the map states an error of {stated:.3f} m, its heights scatter by {scatter:.3f} m"
     if scatter > _MISSTATED * stated:
         return f"{differs}: rough ground, or a larger error than stated"
-    if _MISSTATED * scatter < stated and elevation_map.correlation_length <= 0.0:
+    if _scatters_less(elevation_map):
         return f"{differs}: a smaller error, or one that neighbouring cells share"
     return ""

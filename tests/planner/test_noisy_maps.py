@@ -93,6 +93,19 @@ def test_what_the_map_says_to_show_is_found(vehicle: str) -> None:
             assert plan.clear_distance < 8.5
 
 
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_so_is_what_shows_where_the_error_is_overstated(vehicle: str) -> None:
+    """With little noise on the ramp that averaging makes of a step, tyres notice less of it."""
+    model = slopewise.read_model(vehicle)
+    for turn in (0.0, 0.2, 1.0):
+        ahead = X[None, :] - 8.0 + turn * Y[:, None] > 0.0
+        for std in (0.0, 0.01):
+            seen = smallest_seen(measured(std, height_std=0.05), model.vehicle)
+            assert seen is not None
+            plan = planned(model, measured(std, SWELL + seen.step * ahead, height_std=0.05))
+            assert plan.status.value == "blocked", (turn, std, plan.speed.max())
+
+
 def test_a_map_that_is_too_noisy_is_driven_carefully_or_only_noted() -> None:
     model, noisy = slopewise.read_model("husky"), measured(0.04)
     assert hides_steps(smallest_seen(noisy, model.vehicle), model.vehicle)
