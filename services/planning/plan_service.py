@@ -137,14 +137,14 @@ class PlanService:
         limits = line_limits(parameters.model)
         even = resample_all(valid.candidates, spacing, limits, check_deadline)
         candidates = map_age.limit_speed(even.candidates)
+        rejected = [*valid.rejected, *even.rejected]
         with faults_of(key):
             if request.client:
                 result = self._plan_for_client(job, candidates)
             else:
-                result = self._plan_once(job, candidates, check_deadline)
+                result = self._plan_once(job, candidates, rejected, check_deadline)
         duration = time.perf_counter() - checked
         self._costs.record(count, duration, named=is_named)
-        rejected = [*valid.rejected, *even.rejected]
         seconds = {"check": checked - started, "planner": duration}
         return self._reply(request, parameters, snapshot, result, rejected, seconds)
 
@@ -196,15 +196,20 @@ class PlanService:
         return min(self._clients, key=lambda name: self._clients[name].request_count)
 
     def _plan_once(
-        self, job: _Job, candidates: list[PlanCandidate], check_deadline: DeadlineCheck
+        self,
+        job: _Job,
+        candidates: list[PlanCandidate],
+        unusable: list[RankedCandidate],
+        check_deadline: DeadlineCheck,
     ) -> PlanReply:
         planning, model = self.config.planning, job.parameters.model
         limits = planning.horizon().for_track(model.vehicle.track_width)
         at_vehicle = select_at_vehicle(job.request, candidates, limits)
         rejected = at_vehicle.rejected
         if not at_vehicle.candidates:
-            detail = f": {rejected[0].reason}" if rejected else ""
-            return full_stop(f"no candidate is usable{detail}: full braking", rejected)
+            reasons = [candidate.reason for candidate in (*rejected, *unusable)]
+            detail = reasons[0] if reasons else "paths is empty"
+            return full_stop(f"no candidate is usable: {detail}: full braking", rejected)
         planner, state = self._planner(job.parameters), job.state
         plans: list[SpeedPlan] = []
         # Of plans with equal cost the one with the shorter clear distance comes first.

@@ -207,3 +207,11 @@ def test_candidates_with_different_clear_distances_are_one_batch(
         plan = next(plan for plan in together.plans if plan.candidate == path.name)
         assert (plan.status, plan.reason) == (alone.status, alone.reason)
         np.testing.assert_allclose(plan.values, alone.values, rtol=0.0, atol=1e-12)
+
+
+def test_a_reply_without_a_usable_path_has_the_reason() -> None:
+    short = Path(name="short", points=np.zeros((1, 2)))
+    reason = answer(plan_service(), short).reason
+    assert reason.startswith("no candidate is usable: ")
+    assert "points" in reason
+    assert answer(plan_service()).reason == "no candidate is usable: paths is empty: full braking"
