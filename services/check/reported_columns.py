@@ -18,7 +18,6 @@ from slopewise.services.check.plan_line import (
 )
 from slopewise.services.check.speed_claims import MOTION
 from slopewise.services.check.stop_ends import CheckedStops
-from slopewise.services.check.tolerances import SERVICE
 
 _NOTED = 0.1  # [m] longer reported stops are worth a note: ten times the tolerance of stations
 _UNEVEN = 0.025  # share of a stop that grades between rows change, most where brakes are weak
@@ -121,11 +120,12 @@ def check_reported_stops(
 def tail_of_full_braking(plan: ExternalPlan, decel: float, cell: float) -> float:
     """Length of path that a fallback has behind its last row; 0 for other plans [m].
 
-    One that brakes harder than the ``decel`` of a plan [m/s²], and rests before the next row, has
-    that row moved back to where it rests. ``cell``: edge of a cell of the map [m].
+    One that brakes fully, and rests before the next row, has that row moved back to where it
+    rests. Brakes may give less than the ``decel`` of a plan [m/s²]: more than half of that is full
+    braking. ``cell``: edge of a cell of the map [m].
     """
     speed, way = plan.speed[-2:], np.hypot(np.diff(plan.x[-2:]), np.diff(plan.y[-2:]))
-    brakes_fully = speed[-1] == 0.0 and bool(speed[0] ** 2 > 2.0 * SERVICE * decel * way[0])
+    brakes_fully = speed[-1] == 0.0 and bool(speed[0] ** 2 > decel * way[0])
     return min(2.0 * cell, _MAX_TAIL) if plan.status == "degraded" and brakes_fully else 0.0
 
 
