@@ -67,14 +67,20 @@ class SmallestSeen(NamedTuple):
 
 def smallest_seen(elevation_map: ElevationMap, vehicle: Vehicle) -> SmallestSeen | None:
     """Smallest obstacles that a map shows to a vehicle; None where no noise hides any."""
+    scattered, even = _seen(elevation_map, vehicle)
+    return even if even is not None and _scatters_less(elevation_map) else scattered
+
+
+def _seen(
+    elevation_map: ElevationMap, vehicle: Vehicle
+) -> tuple[SmallestSeen, SmallestSeen] | tuple[None, None]:
+    """Smallest obstacles where heights scatter as the map states, and where by less."""
     noise = averaged_noise(elevation_map, vehicle.wheel_radius)
     if noise == 0.0:
-        return None
+        return None, None
     facts = vehicle, noise, elevation_map.resolution, elevation_map.correlation_length
-    if not _scatters_less(elevation_map):
-        return seen_at(*facts)
     even = seen_at(*facts, step_share=1.0)
-    return even._replace(step=_OVERSTATED * even.step)
+    return seen_at(*facts), even._replace(step=_OVERSTATED * even.step)
 
 
 def seen_at(
@@ -106,9 +112,18 @@ def seen_at(
     return SmallestSeen(noise, step, rock, post)
 
 
-def hides_steps(seen: SmallestSeen | None, vehicle: Vehicle) -> bool:
-    """Return True if steps far beyond the vehicle's limit may be missed."""
-    return seen is not None and seen.step > TOO_HIGH * vehicle.shape.max_step
+def hides_steps(elevation_map: ElevationMap, vehicle: Vehicle) -> bool:
+    """Return True if steps far beyond the vehicle's limit may be missed.
+
+    Heights are looked at only where their scatter decides: planning asks for each new map.
+    """
+    scattered, even = _seen(elevation_map, vehicle)
+    if scattered is None or even is None:
+        return False
+    highest = TOO_HIGH * vehicle.shape.max_step
+    if (scattered.step > highest) is (even.step > highest):
+        return scattered.step > highest
+    return (even if _scatters_less(elevation_map) else scattered).step > highest
 
 
 def careful_speed(wheel_radius: float, vertical_accel: float) -> float:

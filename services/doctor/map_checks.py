@@ -44,7 +44,7 @@ def check_noise(facts: RobotFacts) -> Iterator[ConfigIssue]:
     seen = smallest_seen(ground, vehicle)
     if seen is None or seen.step <= _REPORTED_RATIO * vehicle.shape.max_step:
         return
-    severity = error if hides_steps(seen, vehicle) else warning
+    severity = error if hides_steps(ground, vehicle) else warning
     yield severity(
         "map noise",
         f"at a noise of {seen.noise:.3f} m steps below {seen.step:.2f} m, rocks below "

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from msgspec import structs
 
-from slopewise.models.smallest_seen import hides_steps, sight_notes, smallest_seen
+from slopewise.models.smallest_seen import hides_steps, sight_notes
 from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
@@ -281,7 +281,7 @@ class PlanService:
     def _unseen(self, snapshot: MapSnapshot) -> tuple[str, ...]:
         """Notes on obstacles that noise of the map hides, if that makes plans slower."""
         vehicle, ground = self.parameters.model.vehicle, snapshot.elevation_map
-        hidden = hides_steps(smallest_seen(ground, vehicle), vehicle)
+        hidden = hides_steps(ground, vehicle)
         return sight_notes(ground, vehicle)[:1] if hidden else ()
 
     def degraded(self, snapshot: MapSnapshot | None) -> list[str]:
