@@ -8,6 +8,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, read_only
 from slopewise.models.errors import ParameterError
+from slopewise.models.typed_arguments import check_fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,7 @@ class CandidatePath:
     yaw: Floats | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         points = np.array(self.points, dtype=np.float64, order="C")
         if points.ndim != 2 or points.shape[1] != 2:
             raise ParameterError("points", f"an array (n, 2) of x, y, got shape {points.shape}")

@@ -12,6 +12,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.errors import ParameterError
+from slopewise.models.typed_arguments import check_fields
 
 MAX_HEIGHT = 1e5
 """From here on, up and down, no number is a height of ground [m]: float32's lowest, 1e20."""
@@ -58,6 +59,7 @@ class ElevationMap:
     assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        check_fields(self)
         elevation = _known_heights(self.elevation)
         finest, coarsest = _RESOLUTIONS
         if not finest <= self.resolution <= coarsest:
@@ -84,7 +86,7 @@ class ElevationMap:
                 "class_names", f"at most {_MAX_CLASS_COUNT} names, got {len(self.class_names)}"
             )
         if self.terrain_class is not None:
-            classes = np.array(self.terrain_class, dtype=np.int64, order="C")
+            classes = _whole_numbers(self.terrain_class)
             if classes.shape != elevation.shape:
                 raise ParameterError(
                     "terrain_class",
@@ -108,6 +110,16 @@ class ElevationMap:
         x_min, x_max, y_min, y_max = self.extent
         inside: np.ndarray = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
         return inside
+
+
+def _whole_numbers(classes: Ints) -> Ints:
+    """A copy of indices of classes (rows, cols)."""
+    given = np.asarray(classes)
+    if given.dtype.kind not in "biu":
+        given = given.astype(np.float64)
+        if not np.array_equal(given, np.floor(given)):  # NaN is never equal
+            raise ParameterError("terrain_class", "whole numbers")
+    return np.array(given, dtype=np.int64, order="C")
 
 
 def _known_heights(heights: Floats) -> Floats:

@@ -28,6 +28,7 @@ from slopewise.models.steering import Steering, SteeringGeometry, steering_geome
 from slopewise.models.stop_distance import StopDistance
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
 from slopewise.models.surface_names import states_of
+from slopewise.models.typed_arguments import check_fields
 from slopewise.models.vehicle import Vehicle
 
 _DEFAULT_DEVIATION_SHARE = 0.25
@@ -290,6 +291,7 @@ class Model:
         return steering_geometry(self.steering, self.vehicle.drive, self.vehicle.wheelbase)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         drive = self.vehicle.drive
         if self.steering is not None:
             skids = self.steering.kind == "skid_steer"

@@ -1,4 +1,4 @@
-"""Client of the plan service: needs this file, `plan_messages.py`, `codec.py` and `errors.py` only.
+"""Client of the plan service, which needs nothing of the package but the modules that it imports.
 
 Every request has an answer in time. Without a usable reply of the service it is a safe stop of the
 client: brake as hard as the brakes can, with the speed that results.
@@ -14,6 +14,7 @@ import numpy as np
 import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.typed_arguments import typed_arguments
 from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.plan_messages import MapUpdate, Path, PlanReply, PlanRequest
@@ -59,6 +60,7 @@ class ClientAnswer:
 class PlanClient:
     """Client of one service; a context manager. One thread at a time."""
 
+    @typed_arguments
     def __init__(
         self,
         session: zenoh.Session,
@@ -102,6 +104,7 @@ class PlanClient:
         """Undeclare the querier; the session stays open."""
         self._querier.undeclare()
 
+    @typed_arguments
     def plan(
         self,
         speed: float,
@@ -154,6 +157,7 @@ class PlanClient:
             time=moment, speed=np.concatenate(([begin], slower)), distance=distance, reason=reason
         )
 
+    @typed_arguments
     def put_map(self, update: MapUpdate) -> None:
         """Send ground; that it arrived shows in the map version of the next reply."""
         self._session.put(

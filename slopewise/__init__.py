@@ -8,7 +8,8 @@
         print(plan.candidate, plan.status.value, plan.travel_time, plan.reason)
 
 The names below are stable from release to release; everything else may move. SI units and radians
-throughout. A name is loaded when it is first used.
+throughout. An argument of a wrong kind is a ``ParameterError``, which is a :class:`SlopewiseError`,
+and names it. A name is loaded when it is first used.
 """
 
 from __future__ import annotations

@@ -12,12 +12,14 @@ from slopewise.models.discrepancy.findings import Findings
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.parameters import Model
+from slopewise.models.typed_arguments import typed_arguments
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.log_checks import refuse_wrong_units
 from slopewise.services.io.track_grade import grade_by_map
 from slopewise.services.jobs.calibrate import calibrate_log
 
 
+@typed_arguments
 def calibrate(
     log: DriveLog,
     model: Model,
@@ -44,6 +46,7 @@ def calibrate(
     return calibrate_log(log, model, _ground(log, model, map_file), settings)
 
 
+@typed_arguments
 def find_discrepancies(
     log: DriveLog,
     model: Model,

@@ -9,12 +9,14 @@ from typing import Literal
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
+from slopewise.models.typed_arguments import typed_arguments
 from slopewise.services.io import map_file, model_file, path_file
 from slopewise.services.io.drive_log import DriveLog, read_logs
 
 File = str | PathLike[str]
 
 
+@typed_arguments
 def read_map(file: File, nodata: float | Literal["none"] | None = None) -> ElevationMap:
     """An elevation map from a GeoTIFF in metres, an .npz file or a ROS 2 recording.
 
@@ -29,6 +31,7 @@ def read_map(file: File, nodata: float | Literal["none"] | None = None) -> Eleva
     return map_file.read_map(Path(file), nodata=nodata)
 
 
+@typed_arguments
 def read_model(name_or_file: File) -> Model:
     """A vehicle on its ground: a model file (TOML), or a shipped one, such as ``"atv"``.
 
@@ -38,11 +41,13 @@ def read_model(name_or_file: File) -> Model:
     return model_file.read_model(model_file.find_model(str(name_or_file)))
 
 
+@typed_arguments
 def write_model(model: Model, file: File) -> None:
     """Write a model file, all or nothing; :func:`read_model` gives the same model again."""
     model_file.write_model(model, Path(file))
 
 
+@typed_arguments
 def read_paths(file: File) -> list[CandidatePath]:
     """All candidate paths of a CSV, Parquet or GeoJSON file, or of a ROS 2 recording.
 
@@ -52,6 +57,7 @@ def read_paths(file: File) -> list[CandidatePath]:
     return path_file.read_paths(Path(file))
 
 
+@typed_arguments
 def read_drive_log(*files: File, columns: str = "") -> DriveLog:
     """One drive log from tables (CSV, Parquet), or from ROS 2 recordings.
 

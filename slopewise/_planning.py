@@ -10,6 +10,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.typed_arguments import typed_arguments
 from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
@@ -32,6 +33,7 @@ class Plans(list[SpeedPlan]):
         self.refused = refused
 
 
+@typed_arguments
 def plan(
     model: Model,
     elevation_map: ElevationMap,
@@ -65,6 +67,7 @@ def plan(
     return Plans(plans, refused)
 
 
+@typed_arguments
 def check_plan(
     plan: SpeedPlan | ExternalPlan,
     model: Model,

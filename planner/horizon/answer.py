@@ -8,6 +8,7 @@ import numpy as np
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.typed_arguments import check_fields
 from slopewise.planner.plan import SpeedPlan, Status
 
 MAX_HEADING_ERROR = 0.3
@@ -78,6 +79,9 @@ class PlanarState:
     heading: float
     speed: float
     age: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def invalid_field(self) -> str:
         """Fault that makes it unusable, empty without one."""

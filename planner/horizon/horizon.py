@@ -18,6 +18,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
+from slopewise.models.typed_arguments import typed_arguments
 from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
@@ -39,6 +40,7 @@ a small one would pass the clear distance at the next large one."""
 class Horizon:
     """Plans from cycle to cycle: one object a vehicle, one thread at a time."""
 
+    @typed_arguments
     def __init__(
         self,
         model: Model,
@@ -60,6 +62,7 @@ class Horizon:
         """The vehicle's model, made cautious, which plans use."""
         return self._model
 
+    @typed_arguments
     def learn(self, model: Model, uncertainty: Uncertainty | None = None) -> None:
         """Continue with other parameters, or with the same ones, aged."""
         self.uncertainty = uncertainty or self.uncertainty
@@ -69,6 +72,7 @@ class Horizon:
         """Continue without the previous plan."""
         self._previous = None
 
+    @typed_arguments
     def step(
         self,
         state: PlanarState,

@@ -11,6 +11,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.errors import ParameterError
+from slopewise.models.typed_arguments import check_fields
 
 TEXT = ("limiting", "status", "reason")
 """Columns of text that are checked; the last two are the same in all rows."""
@@ -55,6 +56,7 @@ class ExternalPlan:
     unread: tuple[str, ...] = ()  # names of further columns, which are not verified
 
     def __post_init__(self) -> None:
+        check_fields(self)
         count = np.size(self.x)
         if count < 1:
             raise ParameterError("plan", "at least one row, got none")

@@ -13,12 +13,11 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.recent import Recent
+from slopewise.models.typed_arguments import typed_arguments
 from slopewise.services.guard.arc_limits import TOO_FAST, arc_limits, point_speed, rim_speed
 from slopewise.services.guard.guard_model import GuardModel, GuardScene, guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardTiming  # words: ok, key
@@ -199,6 +198,7 @@ def _limited(
 _models: Recent[GuardModel] = Recent(2)
 
 
+@typed_arguments
 def guard_decision(
     model: Model,
     elevation_map: ElevationMap,
@@ -228,16 +228,9 @@ def guard_decision(
         Values that are not finite are a stop.
 
     Raises:
-        ParameterError: no numbers, or another count of them; a negative age or clear distance.
+        ParameterError: a negative age or clear distance.
     """
-    numbers = (("speed", speed), ("age", age), ("clear", clear))
-    rows = (("pose", pose, 3), ("command", command, 2), *(("before", c, 2) for c in before))
-    shapes = [(n, of, (count,)) for n, of, count in rows] + [(n, of, ()) for n, of in numbers]
-    for name, values, shape in shapes:
-        if np.shape(values) != shape or np.asarray(values).dtype.kind not in "iuf":
-            count = math.prod(shape)
-            raise ParameterError(name, f"{count} number{'s' * (count > 1)}, got {values!r}")
-    for name, value in numbers[1:]:
+    for name, value in (("age", age), ("clear", clear)):
         if not value >= 0.0:
             raise ParameterError(name, f"at least 0, got {value!r}")
     worst = _models.get(lambda: guard_model(model), model)
