@@ -161,6 +161,14 @@ def unit_guess(value: object, unit: str, low: float, high: float) -> str:
     return f"; {', '.join(fitting[:2])}" if fitting else ""
 
 
+def degrees_hint(heading: float) -> str:
+    """Hint behind a refusal whose heading [rad] is beyond a turn; "" for one within.
+
+    Such a heading is no error: it may be counted on from turn to turn.
+    """
+    return f"; {heading:g} rad is more than a turn: degrees?" if abs(heading) > math.tau else ""
+
+
 def rounded(value: float) -> str:
     """Three digits of a number, without an exponent up to ten million."""
     return f"{float(f'{value:.3g}'):.8g}"

@@ -12,6 +12,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import degrees_hint
 from slopewise.planner.compiled_core import core
 
 _DUPLICATE = 1e-3  # [m] points closer than that are one
@@ -74,7 +75,9 @@ def clean(
         headings = np.arctan2(steps[:, 1], steps[:, 0])
         backwards = np.cos(yaw[keep][: len(steps)] - headings) < 0.0
         if np.mean(backwards) > 0.5:
-            raise ParameterError("yaw", "the direction of travel: this path is driven backwards")
+            hint = degrees_hint(float(np.abs(yaw).max()))
+            expected = f"the direction of travel: this path is driven backwards{hint}"
+            raise ParameterError("yaw", expected)
     return points, limit, given.copy(), ends
 
 

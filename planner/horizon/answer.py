@@ -70,7 +70,7 @@ class PlanarState:
     """Where the vehicle is: the middle of its wheelbase, in map coordinates.
 
     Attributes:
-        x, y: [m]. heading: [rad]. speed: along the heading [m/s].
+        x, y: [m]. heading: of any number of turns [rad]. speed: along the heading [m/s].
         age: time since all that was measured, where known [s].
     """
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
+from slopewise.models.quantity import degrees_hint
 from slopewise.planner.followed_line import MIN_STATIONS
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState, Ranked
 from slopewise.planner.horizon.path_projection import PathProjection, locate
@@ -72,7 +73,8 @@ def drivable_of(
     if len(sound) > 0:
         part = paths.only(sound) if len(sound) < len(reasons) else paths
         projection = locate(part.x, part.y, part.count, (state.x, state.y), state.heading)
-        for j, reason in zip(sound, out_of_reach(projection, settings), strict=True):
+        refusals = out_of_reach(projection, state.heading, settings)
+        for j, reason in zip(sound, refusals, strict=True):
             reasons[j] = reason
         usable = np.flatnonzero([not reason for reason in reasons])
         if len(usable) == len(reasons):
@@ -120,8 +122,14 @@ def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str
     return reasons
 
 
-def out_of_reach(projection: PathProjection, limits: HorizonSettings) -> list[str]:
-    """Reasons why candidates cannot be driven from the vehicle on, empty for those that can."""
+def out_of_reach(projection: PathProjection, heading: float, limits: HorizonSettings) -> list[str]:
+    """Reasons why candidates cannot be driven from the vehicle on, empty for those that can.
+
+    Args:
+        projection: the vehicle on the candidates.
+        heading: that of the vehicle [rad]; it may count any number of turns.
+        limits: how far a path may lie from the vehicle.
+    """
     near = (projection.beside <= limits.beside) & (-projection.along <= limits.ahead)
     drivable = near & (projection.turned <= limits.turned) & (projection.remaining > _ENDS)
     reasons = [""] * len(drivable)
@@ -129,16 +137,18 @@ def out_of_reach(projection: PathProjection, limits: HorizonSettings) -> list[st
         values.tolist() for values in (projection.beside, projection.along, projection.turned)
     )
     for j in np.flatnonzero(~drivable).tolist():
-        reasons[j] = _refusal(lateral[j], -along[j], turned[j], limits)
+        reasons[j] = _refusal(lateral[j], -along[j], turned[j], heading, limits)
     return reasons
 
 
-def _refusal(lateral: float, gap: float, turned: float, limits: HorizonSettings) -> str:
+def _refusal(
+    lateral: float, gap: float, turned: float, heading: float, limits: HorizonSettings
+) -> str:
     if lateral > limits.beside:
         return f"the path lies {lateral:.2f} m beside the vehicle, {limits.beside:g} m at most"
     if gap > limits.ahead:
         return f"the path begins {gap:.2f} m ahead of the vehicle, {limits.ahead:g} m at most"
     if turned > limits.turned:
         error = f"{math.degrees(turned):.0f}° off the heading ({turned:.3f} rad)"
-        return f"the path points {error}, {limits.turned:g} rad at most"
+        return f"the path points {error}, {limits.turned:g} rad at most{degrees_hint(heading)}"
     return "the path ends here"

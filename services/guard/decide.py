@@ -215,7 +215,8 @@ def guard_decision(
     Args:
         model: vehicle, braking, ground and limits.
         elevation_map: ground as known now.
-        pose: x, y of the middle of the wheelbase [m] and heading [rad] on the map.
+        pose: x, y of the middle of the wheelbase [m] and heading on the map, of any number of
+            turns [rad]: degrees look like turns.
         speed: speed along the heading, negative in reverse [m/s].
         command: speed [m/s] and yaw rate [rad/s], left positive; (0, rate) turns on the spot.
         clear: distance to which the path of the middle of the wheelbase is known to be free [m].

@@ -121,7 +121,8 @@ def select_at_vehicle(
     x, y, heading = request.pose
     # Already resampled: the spacing is not used.
     paths = batch([candidate.path for candidate in candidates], math.inf)
-    reasons = out_of_reach(locate(paths.x, paths.y, paths.count, (x, y), heading), limits)
+    projection = locate(paths.x, paths.y, paths.count, (x, y), heading)
+    reasons = out_of_reach(projection, heading, limits)
     return Validated(
         [c for c, reason in zip(candidates, reasons, strict=True) if not reason],
         [rejection(c.path.name, r) for c, r in zip(candidates, reasons, strict=True) if r],

@@ -111,9 +111,10 @@ def test_a_dense_path_that_turns_round_is_planned_up_to_the_given_tip(noisy: flo
     ("path", "expected"),
     [
         (path_of(*([(2.0, 3.0)] * 5_000)), "2 distinct points"),
-        (CandidatePath("back", sine(50_000), yaw=np.full(50_000, np.pi)), "driven backwards"),
+        (CandidatePath("back", sine(50_000), yaw=np.full(50_000, np.pi)), "driven backwards$"),
+        (CandidatePath("back", sine(50_000), yaw=np.full(50_000, 180.0)), "than a turn: degrees"),
     ],
-    ids=["one place", "backwards"],
+    ids=["one place", "backwards", "degrees"],
 )
 def test_dense_paths_are_refused_like_sparse_ones(path: CandidatePath, expected: str) -> None:
     with pytest.raises(ValueError, match=expected):

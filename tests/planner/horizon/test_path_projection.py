@@ -124,6 +124,7 @@ def test_beyond_either_limit_the_vehicle_stops_with_the_reason(track: float, cou
     ("place", "reason"),
     [
         ({"y": 0.45, "heading": 1.0}, "57° off the heading (1.000 rad), 0.3 rad at most"),
+        ({"y": 0.45, "heading": 90.0}, "rad at most; 90 rad is more than a turn: degrees?"),
         ({"y": 0.3}, "0.30 m beside the vehicle, 0.225 m at most"),
     ],
 )

@@ -245,6 +245,18 @@ def test_reverse_is_decided_as_forward_by_the_turned_vehicle(seed: int) -> None:
     assert back.command == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.parametrize("turns", [-7, 4, 1000])
+def test_a_heading_may_count_any_number_of_turns(turns: int) -> None:
+    ground = slope(0.1)
+    for heading in np.linspace(-3.0, 3.0, 7):
+        once, later = (
+            guard_decision(read_model(ATV), ground, (0.0, 0.0, at), 2.0, (2.5, 0.3))
+            for at in (heading, heading + turns * 2.0 * np.pi)
+        )
+        assert (later.action, later.reason) == (once.action, once.reason)
+        assert later.command == pytest.approx(once.command, abs=1e-6)
+
+
 def test_front_axle_keeps_its_load_in_a_stop_in_reverse() -> None:
     """Down 25 %: 1 − h (0.40 + 0.015 · 2 + 0.41 · 0.245) / (c cos θ) of it is negative."""
     model, grade = read_model(ATV), np.arctan(0.25)
