@@ -19,6 +19,7 @@ from slopewise.models.steering import Steering
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.discovery import investigation_process
+from slopewise.services.guard import zenoh_transport
 from slopewise.services.io.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.settings.service_settings import ServiceConfig
@@ -99,9 +100,20 @@ def messages_page() -> str:
         "| `v1/params/set`, `v1/params/rollback`, `v1/params/adopt` | queryable: changes |",
         "| `v1/discrepancy` | queryable: findings in stored stops, an investigation |",
         "| `v1/status` | out: `ServiceStatus`, JSON |",
+        "| `v1/guard/command`, `v1/guard/motion`, `v1/guard/clear`, `v1/guard/confirm` | in: "
+        "`GuardCommand`, `GuardMotion`, `GuardClear`, `GuardConfirm`; of a guard without ROS 2 |",
+        "| `v1/guard/output` | out: `GuardOutput`, JSON; of a guard without ROS 2 |",
+        "| `v1/guard/status` | out: `GuardStatus`, JSON |",
         "| `v1/alive/ID` | liveliness token |\n",
     ]
-    modules = plan_messages, observations, parameter_messages, model_proposal, investigation_process
+    modules = (
+        plan_messages,
+        observations,
+        parameter_messages,
+        model_proposal,
+        investigation_process,
+        zenoh_transport,
+    )
     for module in modules:
         for _, kind in inspect.getmembers(module, _is_message):
             if kind.__module__ != module.__name__ or not kind.__struct_fields__:

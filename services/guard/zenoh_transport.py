@@ -22,45 +22,45 @@ from slopewise.services.wire.plan_messages import Message, Name, NotNegative, Nu
 
 
 class GuardCommand(Message, frozen=True):
-    """Command of the planner: speed [m/s], forward positive; yaw rate [rad/s]."""
+    """Command of the planner."""
 
-    source: Name
-    sequence: Number
-    speed: float
-    yaw_rate: float
-    time: float | None = None
+    source: Name  # name of the sender
+    sequence: Number  # number that increases with every message of it
+    speed: float  # along the heading, forward positive [m/s]
+    yaw_rate: float  # left positive [rad/s]
+    time: float | None = None  # of sending, on the sender's clock [s]
 
 
 class GuardMotion(Message, frozen=True):
-    """Middle of the wheelbase on the map [m], heading [rad], speed [m/s], yaw rate [rad/s]."""
+    """Pose on the map, and speed."""
 
-    source: Name
+    source: Name  # source, sequence: as in a command
     sequence: Number
-    x: float
+    x: float  # x, y: middle of the wheelbase [m]
     y: float
-    heading: float
-    speed: float
-    time: float | None = None
-    yaw_rate: float = 0.0
+    heading: float  # left of the x axis of the map, of any number of turns [rad]
+    speed: float  # along the heading, negative in reverse [m/s]
+    time: float | None = None  # of measurement, on the sender's clock [s]
+    yaw_rate: float = 0.0  # left positive [rad/s]
 
 
 class GuardClear(Message, frozen=True):
-    """Distance to which the path of the middle of the wheelbase is known to be free [m]."""
+    """Distance to which the path is known to be free."""
 
-    source: Name
+    source: Name  # source, sequence: as in a command
     sequence: Number
-    distance: NotNegative
-    time: float | None = None
+    distance: NotNegative  # of the middle of the wheelbase along its path [m]
+    time: float | None = None  # of measurement, on the sender's clock [s]
 
 
 class GuardConfirm(Message, frozen=True):
-    """Pose of the middle of the wheelbase that an operator confirms after a jump [m], [rad]."""
+    """Pose that an operator confirms after a jump."""
 
-    source: Name
+    source: Name  # source, sequence: as in a command
     sequence: Number
-    x: float
+    x: float  # x, y: middle of the wheelbase [m]
     y: float
-    heading: float
+    heading: float  # as in a motion [rad]
 
 
 class GuardOutput(Message, frozen=True):
@@ -69,8 +69,8 @@ class GuardOutput(Message, frozen=True):
     source: Name  # source, sequence: process of the guard, and its count
     sequence: Number
     of: Number  # number of the command that is answered, 0 if none is
-    speed: float  # speed, yaw_rate: as in a command [m/s], [rad/s]
-    yaw_rate: float
+    speed: float  # as in a command [m/s]
+    yaw_rate: float  # as in a command [rad/s]
     brake: bool  # brake as hard as possible, and hold
     action: str  # `pass`, `slow` or `stop`
     reason: str  # as text, empty where the command passes
@@ -87,8 +87,8 @@ class GuardStatus(Message, frozen=True):
     seconds: dict[str, float]  # median and 99th percentile of the duration of a decision [s]
     flags: list[str]  # active faults, human-readable
     last: str  # last reason to limit or stop
-    # use of the stamps of each input that came, `shared clock`, `growth only` or `none`
-    stamps: dict[str, str] = field(default_factory=dict)
+    # use of stamps by input
+    stamps: dict[str, str] = field(default_factory=dict)  # `shared clock`, `growth only`, `none`
 
 
 GuardInput: TypeAlias = tuple[Any, str, int | None, float | None]
