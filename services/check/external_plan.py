@@ -19,6 +19,12 @@ TEXT = ("limiting", "status", "reason")
 NEEDED = ("x", "y", "speed")
 _SAME = 1e-6  # [m] rows closer than that are one place: rounding of coordinates of 1000 km
 
+MAX_SPEED = 1e3
+"""Speed beyond that of any vehicle [m/s]."""
+
+_MAX_NUMBER = 1e9
+"""Size beyond that of any column in SI units: squares of such numbers are exact enough."""
+
 STANDSTILL_SPEED = 1e-3
 """Speed treated as zero [m/s]: from there a vehicle stops within a millimetre."""
 
@@ -67,9 +73,11 @@ class ExternalPlan:
             values = np.array(given, np.float64)
             if values.shape != (count,):
                 raise ParameterError(name, f"{count} numbers [{unit}], got shape {values.shape}")
-            if not np.isfinite(values).all():
-                row = int(np.argmin(np.isfinite(values)))
-                raise ParameterError(f"{name}[{row}]", f"a finite number [{unit}]")
+            largest = MAX_SPEED if name == "speed" else _MAX_NUMBER
+            if not (within := np.abs(values) <= largest).all():
+                row = int(np.argmin(within))
+                expected = f"a finite number within ±{largest:g} [{unit}]"
+                raise ParameterError(f"{name}[{row}]", f"{expected}, got {values[row]:g}")
             object.__setattr__(self, name, values)
         for name in ("speed", "speed_limit", "path_deviation"):
             values = getattr(self, name)
