@@ -22,6 +22,10 @@ from slopewise.services.io.files import check_file, fault, read_text, shown, wri
 
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+(?:,\d+)+\s*")
+_SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
+"""Marks between columns of other programs, and of countries with decimal commas."""
+
 _LONG = 1_000_000
 """Characters from which the fast path is worth trying: the careful one takes 60 ms for as many."""
 
@@ -52,8 +56,8 @@ class Table:
         header = list(self.columns)
         several = len(names) > 1
         message = f"missing column{'s' if several else ''}, got the header {','.join(header)}"
-        if len(header) == 1 and any(mark in header[0] for mark in ";\t "):
-            return f"{message}; expected commas between columns"
+        if hint := _separator_hint(header):
+            return f"{message}{hint}"
         if all(_is_number(column) for column in header):
             return f"{message}; expected names in the first row"
         lower = {column.lower(): column for column in header}
@@ -79,7 +83,8 @@ class Table:
             cell = self.columns[column][index]
             got = shown(cell if isinstance(cell, str) else float(cell))
             got = got if str(cell).strip() else "nothing"
-            raise self.error(index, column, f"expected a finite number [{unit}], got {got}")
+            hint = "; expected a decimal point" if _DECIMAL_COMMA.fullmatch(str(cell)) else ""
+            raise self.error(index, column, f"expected a finite number [{unit}], got {got}{hint}")
         if blank is not None:
             values[np.isnan(values)] = blank
         return values
@@ -121,6 +126,19 @@ class Table:
             expected = f"expected a number [{unit}] in every row of {name} or in none"
             raise self.error(rows[int(np.argmax(missing))], column, f"{expected}, got nothing")
         return values[rows]
+
+
+def _separator_hint(header: Sequence[str]) -> str:
+    """Hint at columns that other marks than commas separate, "" for none."""
+    marks = [noun for mark, noun in _SEPARATORS.items() if mark in header[0]]
+    is_split = len(header) > 1 or not marks
+    return "" if is_split else f"; expected commas between columns, got {marks[0]}"
+
+
+def _decimal_hint(header: Sequence[str], line: Sequence[str]) -> str:
+    """Hint at decimal commas in a row of numbers, "" for none."""
+    has_more = len(line) > len(header) and all(map(_is_number, line))
+    return "; expected decimal points, not commas" if has_more else ""
 
 
 def _is_number(text: str) -> bool:
@@ -206,7 +224,8 @@ def _read_carefully(path: Path, content: str) -> Table:
                 continue
             if len(line) != len(header):
                 expected = f"expected {len(header)} columns as in the header, got {len(line)}"
-                raise fault(path, f"row {reader.line_num}", expected)
+                hint = _separator_hint(header) or _decimal_hint(header, line)
+                raise fault(path, f"row {reader.line_num}", f"{expected}{hint}")
             rows.append(reader.line_num)
             cells.append(line)
     except csv.Error as error:
