@@ -93,8 +93,8 @@ def _plan_tables(summary: FleetPlanSummary) -> Iterator[Any]:
         parts = plural(summary.unexpected, "part")
         yield from notes([f"of other paths: {parts} in the folder"])
     yield from notes(summary.notes)
-    rate = summary.planned / summary.seconds
-    yield f"{summary.seconds:.1f} s, {rate:.0f} candidates planned per second"
+    rate = f"{summary.planned / summary.seconds:.3g} per second"
+    yield f"{plural(summary.planned, 'candidate')} planned in {summary.seconds:.1f} s, {rate}"
 
 
 def fleet_calibrate(

@@ -38,7 +38,10 @@ void expect_even(const EvenPath& path, double spacing) {
     before_y = dy;
   }
   expect(least >= least_step_length, "path: expected stations 1 mm apart at least");
-  expect(most <= spacing * step_rounding, "path: expected stations at most `spacing` apart");
+  if (most > spacing * step_rounding) {
+    throw std::invalid_argument("path: expected stations at most " + std::to_string(spacing) +
+                                " m apart (`spacing`), got " + std::to_string(most) + " m");
+  }
   expect(most <= (1.0 + evenness) * least, "path: expected stations at even distances");
 }
 
