@@ -74,9 +74,9 @@ def track_of(
 
 
 class Violations(NamedTuple):
-    """The worst breach of one kind: by how much, in the unit of what is breached; 0 without one.
+    """The worst breach of each kind: by how much, in the unit of what is breached; 0 without one.
 
-    The last six are by how much stops end beyond ground of that kind [m].
+    In the order of the core, which returns them as one array.
     """
 
     overrun: float
@@ -99,8 +99,11 @@ class Violations(NamedTuple):
     clearance: float
     body: float
 
-
-_FIRST_OF_GROUND = Violations._fields.index("unknown_terrain")
+    @property
+    def beyond_ground(self) -> tuple[float, ...]:
+        """By how much stops end beyond ground of each kind [m]."""
+        trained = self.unknown_terrain, self.model_validity, self.holding
+        return *trained, self.step, self.clearance, self.body
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +130,7 @@ class Verification:
     @property
     def overrun(self) -> float:
         """Distance of any stop's end beyond the clear distance, for any cause [m]."""
-        return max(self.violation.overrun, *self.violation[_FIRST_OF_GROUND:])
+        return max(self.violation.overrun, *self.violation.beyond_ground)
 
     @property
     def valid(self) -> bool:

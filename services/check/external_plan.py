@@ -47,12 +47,12 @@ class ExternalPlan:
     curvature: Annotated[Floats | None, "1/m"] = None  # left positive
     accel: Annotated[Floats | None, "m/s²"] = None  # holds from its row to the next
     time: Annotated[Floats | None, "s"] = None  # since the start
-    # emergency stop from each row, safety offset included; station before which every stop ends
+    # emergency stop from each row, safety offset included
     stop_distance: Annotated[Floats | None, "m"] = None
-    clear_distance: Annotated[Floats | None, "m"] = None
-    # least loads on that stop, as shares of the level static ones
+    clear_distance: Annotated[Floats | None, "m"] = None  # station before which every stop ends
+    # least rear axle load on the emergency stop, as a share of the level static one
     rear_load: Annotated[Floats | None, "1"] = None
-    side_load: Annotated[Floats | None, "1"] = None
+    side_load: Annotated[Floats | None, "1"] = None  # the same of a side
     speed_bound: Annotated[Floats | None, "m/s"] = None  # highest speed that every bound allows
     speed_limit: Annotated[Floats | None, "m/s"] = None  # of the path
     path_deviation: Annotated[Floats | None, "m"] = None  # most of the given path around each row

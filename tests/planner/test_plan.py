@@ -32,6 +32,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.horizon import HorizonSettings
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.path import batch
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
@@ -193,3 +194,16 @@ def test_each_bound_bites_and_lets_go(name: str) -> None:
     # Where the bound bites the vehicle is slower than without it.
     slower = [plan.speed[k] <= at(free, plan.station[k], free.speed) + 0.02 for k in bitten]
     assert np.mean(slower) > 0.8
+
+
+def test_limits_of_segments_are_those_of_one_candidate() -> None:
+    solved = time_optimal_batch(plane(), batch([straight(9.0)], 0.25), model_of(ATV))
+    column = CandidateColumn(solved, 0, solved.start_sq)
+    two = {
+        name: np.repeat(value, 2, axis=-1)
+        for name, value in column.problem._asdict().items()
+        if isinstance(value, np.ndarray)
+    }
+    column.problem = column.problem._replace(**two)
+    with pytest.raises(ValueError, match="expected that of the track, of one candidate"):
+        column.segment_limits(solved.profile_of(0))

@@ -198,8 +198,8 @@ std::tuple<Made<double>, Made<double>> segment_limits(
   const Track on = track_of(track);
   const ProfileProblem of = profile_problem_of(problem);
   expect_shape("speed_sq", speed_sq, {on.stations});
-  if (of.stations != on.stations || of.lift.data == nullptr) {
-    throw nb::value_error("problem: expected that of the track, with lift");
+  if (of.stations != on.stations || of.candidates != 1 || of.lift.data == nullptr) {
+    throw nb::value_error("problem: expected that of the track, of one candidate, with lift");
   }
   const auto accel = make_array(on.last()), decel = make_array(on.last());
   const Vehicle vehicle = vehicle_of(limits);
