@@ -155,10 +155,8 @@ def averaging_windows(
     blocks = _grid(int(wide / edge + 1e-9), edge, correlation)
     every = max(int(disc / (resolution * _FINEST)), 1)
     cells = _grid(int(disc / (resolution * every) + 1e-9), resolution * every, correlation)
-    block = _grid(0, resolution, correlation)
-    if stride > 1:
-        rows, columns = np.mgrid[:stride, :stride].astype(float)
-        block = _Grid(rows.ravel(), columns.ravel(), resolution, correlation)
+    rows, columns = np.mgrid[:stride, :stride].astype(float)
+    block = _Grid(rows.ravel(), columns.ravel(), resolution, correlation)
     windows = _windows(cells, disc, wheel_radius)
     start = np.concatenate(([0], np.cumsum([w.sum() for w in windows])))
     row, column = (
@@ -199,8 +197,7 @@ def _one_cell(grid: _Grid) -> Floats:
     """A cell against the plane of those around it."""
     middle = grid.distance == 0.0
     plane = _coefficients([np.ones_like(grid.row), grid.column, grid.row], ~middle)[0]
-    contrast: Floats = middle.astype(np.float64) - plane
-    return contrast
+    return np.asarray(middle - plane, np.float64)
 
 
 def _wide_contrasts(grid: _Grid, radius: float, wheel_radius: float) -> Contrasts:

@@ -108,8 +108,7 @@ class ElevationMap:
     def contains(self, x: Floats, y: Floats) -> np.ndarray:
         """Which points x, y (any shape) [m] lie on the grid, known or not."""
         x_min, x_max, y_min, y_max = self.extent
-        inside: np.ndarray = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
-        return inside
+        return (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
 
 
 def _whole_numbers(classes: Ints) -> Ints:

@@ -147,8 +147,8 @@ def _check_angles(where: str, table: Table) -> None:
     angles = {name: table.get(name) or () for name in ("grade_range", "roll_range")}
     for name, values in (*angles.items(), ("speed_by_grade", [row[0] for row in hull])):
         for value in values:
-            bound = (-STEEPEST_DRIVEN, STEEPEST_DRIVEN)
-            _check(_Bound(f"{where}.{name}", "rad", value, *bound, ""))
+            steep = STEEPEST_DRIVEN
+            _check(_Bound(f"{where}.{name}", "rad", value, -steep, steep, ""))
 
 
 def _of_vehicle(v: Table) -> Iterator[_Bound]:
@@ -173,16 +173,12 @@ def _of_vehicle(v: Table) -> Iterator[_Bound]:
             limits = f" with a wheelbase of {base:g} m"
             yield _Bound(f"vehicle.{key}", "m", v[key], 0.0, 3.0 * base, limits)
     low, high = (share * weight for share in _THRUST)
-    by = f" with a mass of {mass:g} kg{unit_guess(mass, 'kg', *_masses(thrust))}"
+    masses = (thrust / (_THRUST[1] * GRAVITY), thrust / (_THRUST[0] * GRAVITY))
+    by = f" with a mass of {mass:g} kg{unit_guess(mass, 'kg', *masses)}"
     yield _Bound("vehicle.max_drive_force", "N", thrust, low, high, by)
     low, high = (share * mass for share in _POWER)
     by = f" with a mass of {mass:g} kg"
     yield _Bound("vehicle.max_drive_power", "W", v["max_drive_power"], low, high, by)
-
-
-def _masses(thrust: float) -> tuple[float, float]:
-    """Lowest and highest mass that a thrust moves [kg]."""
-    return thrust / (_THRUST[1] * GRAVITY), thrust / (_THRUST[0] * GRAVITY)
 
 
 def _of_limits(vehicle: Table, limits: Table, braking: Table) -> Iterator[_Bound]:

@@ -22,12 +22,7 @@ from typing import NamedTuple
 
 from slopewise.models.averaging_windows import averaging_windows
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.height_noise import (
-    EXACT,
-    SIGNIFICANCE,
-    averaged_noise,
-    estimated_noise_of,
-)
+from slopewise.models.height_noise import EXACT, SIGNIFICANCE, averaged_noise, estimated_noise_of
 from slopewise.models.vehicle import Vehicle
 
 TOO_HIGH = 3.0

@@ -77,8 +77,7 @@ class StopDistance:
         if len(scores) > 1 and score > scores[-1]:
             step = (score - scores[-1]) / (scores[-1] - scores[-2])
             log_factor = table[-1] + step * (table[-1] - table[-2])
-        result: Floats = np.exp(log_factor)
-        return result
+        return np.exp(log_factor)
 
     def at(self, quantile: float, level: float, speed: Floats, grade: Floats) -> Floats:
         """(n,) factors of stops, linear in speed [m/s] and grade [rad], with the edge beyond."""
@@ -88,8 +87,7 @@ class StopDistance:
         next_up, next_right = np.minimum(up + 1, last_up), np.minimum(right + 1, last_right)
         low = (1.0 - beyond) * table[up, right] + beyond * table[up, next_right]
         high = (1.0 - beyond) * table[next_up, right] + beyond * table[next_up, next_right]
-        result: Floats = (1.0 - above) * low + above * high
-        return result
+        return (1.0 - above) * low + above * high
 
     def worst(self, quantile: float) -> float:
         """Largest factor at a quantile."""
@@ -104,12 +102,10 @@ class StopDistance:
 def _between(table: Floats, axis: Floats, at: float) -> Floats:
     """Linear along the first axis of a table, constant beyond its ends."""
     if len(axis) == 1:
-        first: Floats = table[0]
-        return first
+        return np.asarray(table[0])
     k = int(np.clip(np.searchsorted(axis, at) - 1, 0, len(axis) - 2))
     share = float(np.clip((at - axis[k]) / (axis[k + 1] - axis[k]), 0.0, 1.0))
-    result: Floats = (1.0 - share) * table[k] + share * table[k + 1]
-    return result
+    return np.asarray((1.0 - share) * table[k] + share * table[k + 1])
 
 
 def _place(axis: tuple[float, ...], at: Floats) -> tuple[Ints, Floats]:

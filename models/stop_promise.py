@@ -163,18 +163,15 @@ class _Law(NamedTuple):
         if self.slopes is None:
             return np.zeros_like(speed)
         more = (self.slopes[0] - self.mean[0]) * speed + self.slopes[1] - self.mean[1]
-        result: Floats = more * np.maximum(grade, 0.0)
-        return result
+        return more * np.maximum(grade, 0.0)
 
     def at_level(self, full: Floats) -> Floats:
         """(n,) F_b/W at the level, from that of full application."""
-        result: Floats = self.rolling + self.share * (full - self.rolling)
-        return result
+        return self.rolling + self.share * (full - self.rolling)
 
     def full(self, at_level: Floats) -> Floats:
         """(n,) F_b/W of full application, from that at the level."""
-        result: Floats = (at_level - self.rolling) / max(self.share, 1e-3) + self.rolling
-        return result
+        return (at_level - self.rolling) / max(self.share, 1e-3) + self.rolling
 
     def distance(self, speed: Floats, grade: Floats) -> Floats:
         """(n,) predicted stop distance on even ground [m]; inf without a finite one."""
@@ -274,5 +271,4 @@ def _refined(axis: Floats) -> Floats:
     if len(axis) == 1:
         return axis
     at = np.linspace(0.0, len(axis) - 1.0, _BETWEEN * (len(axis) - 1) + 1)
-    result: Floats = np.interp(at, np.arange(len(axis)), axis)
-    return result
+    return np.interp(at, np.arange(len(axis)), axis)

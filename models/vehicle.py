@@ -7,12 +7,7 @@ from functools import lru_cache
 from typing import Literal, NamedTuple
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import (
-    non_negative,
-    positive,
-    unit_guess,
-    validate_quantities,
-)
+from slopewise.models.quantity import non_negative, positive, unit_guess, validate_quantities
 
 _WHEEL_WIDTH = 0.7
 """Wheel width over radius, assumed where the model file has none [1]."""

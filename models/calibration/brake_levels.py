@@ -22,8 +22,8 @@ from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.measure import Measured
+from slopewise.models.stop_logs.stop_record import forces_of
 
-_FORCE = ("force_ratio", "force_std")
 _MIN_STOPS = 6
 """Minimum number of partial stops for a fit [1]."""
 
@@ -87,7 +87,7 @@ def at_full_level(
     level = _levels(measured)
     curve = _fit(measured, level, known, resistance)
     share = np.maximum(curve.share(level), _MIN_SHARE)
-    force, noise = (np.array([getattr(r, n) for r in measured.records]) for n in _FORCE)
+    _, _, force, noise = forces_of(measured.records)
     full = curve.resistance + (force - curve.resistance) / share
     missing, width = full - curve.resistance, curve.saturation - curve.dead_band
     band, saturation, rolling = curve.std
@@ -105,10 +105,7 @@ def at_full_level(
 
 
 def _fit(measured: Measured, level: Floats, known: Braking, resistance: float) -> BrakeLevels:
-    speed, grade, force, noise = (
-        np.array([getattr(r, n) for r in measured.records])
-        for n in ("onset_speed", "grade", *_FORCE)
-    )
+    speed, grade, force, noise = forces_of(measured.records)
     x = design(speed, grade)
     width = np.hypot(noise, _SCATTER)
     prior = np.array([*known.coefficients, 0.0, 1.0, resistance])

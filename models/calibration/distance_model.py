@@ -102,8 +102,7 @@ class _Scale(NamedTuple):
         law = [at.late, at.weaker, at.weaker * (at.speed / self.top - 0.5)]
         law.append(at.grade if self.graded else np.zeros_like(at.speed))
         law.append(np.log(at.level) if self.levelled else np.zeros_like(at.speed))
-        result: Floats = np.column_stack((*law, log_speed, log_speed**2, log_speed**3))
-        return result
+        return np.column_stack((*law, log_speed, log_speed**2, log_speed**3))
 
 
 class _Grid(NamedTuple):
@@ -157,8 +156,7 @@ class DistanceModel:
         worst = float(self.residual.max()) + columns @ (self.weight @ self.mean)
         beyond = quantiles >= len(self.residual) / (len(self.residual) + 1.0)
         result[beyond] = np.maximum(result[beyond], worst)
-        increasing: Floats = np.maximum.accumulate(result, axis=0)
-        return increasing
+        return np.maximum.accumulate(result, axis=0)
 
     def _quantiles(
         self, middle: Floats, normal: Floats, scale: Floats, quantiles: Floats
@@ -184,8 +182,7 @@ class DistanceModel:
             beyond += np.einsum("ykh,k,h->y", each, weight[of], share)
         # Between its rungs the logarithm of what is beyond is taken as linear.
         falling = np.minimum.accumulate(np.log(np.maximum(beyond, 1e-300)))
-        result: Floats = np.interp(-np.log1p(-quantiles), -falling, ladder)
-        return result
+        return np.interp(-np.log1p(-quantiles), -falling, ladder)
 
 
 def fit_distance(at: StopFeatures, log_ratio: Floats, session: Ints) -> DistanceModel:
@@ -249,8 +246,7 @@ def _cells(axis: Floats) -> Floats:
     """(n,) widths of the cells around the points of an axis that begins at 0."""
     edges = np.concatenate(([0.0], 0.5 * (axis[1:] + axis[:-1]), [axis[-1]]))
     edges[-1] += 0.5 * (axis[-1] - axis[-2])
-    result: Floats = np.diff(edges)
-    return result
+    return np.diff(edges)
 
 
 def _session_scale(y: Floats, session: Ints) -> float:

@@ -192,9 +192,7 @@ def _dead_times(vehicles: Sequence[VehicleStops]) -> tuple[DeadTime, Floats]:
         raise ParameterError("stops", "vehicles with stops, got none")
     value = np.array([d.value for d in dead_times])
     std = np.maximum([d.std for d in dead_times], _MIN_STD)
-    fit = random_effects.fit(
-        np.ones((len(value), 1)), value, std, np.array([float(np.median(value))]), np.eye(1)
-    )
+    fit = random_effects.fit_mean(value, std, float(np.median(value)), 1.0)
     mean, between = float(fit.coefficients[0]), fit.scatter
     each = np.full(len(vehicles), mean + _NO_STOPS * between)
     known = np.array([v.dead_time is not None for v in vehicles])

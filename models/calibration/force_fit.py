@@ -25,6 +25,8 @@ WEAK_PRIOR = (0.2, 0.7, 0.1, 1.0)
 with the information of a few dozen stops; without any, as on slope coefficients on level ground,
 the known coefficient stays."""
 
+_GROUPS = 4  # of speeds, in the paper's own estimator
+
 MIRRORED_SLOPE = -1.0
 """Slope coefficient c below which grades have the wrong sign [1]: by such grades the deceleration
 over g changes by -1 - c instead of 1 + c, and falls the steeper a vehicle drives uphill."""
@@ -50,8 +52,7 @@ class ForceFit:
     def force_ratio(self, speed: Floats | float, grade: Floats | float) -> Floats:
         """F_b/W at onset speeds [m/s] and grades [rad], (n,) or numbers, broadcast."""
         m_m, b_m, m_b, b_b = self.coefficients
-        result: Floats = np.asarray((m_m * speed + b_m) * grade + m_b * speed + b_b)
-        return result
+        return np.asarray((m_m * speed + b_m) * grade + m_b * speed + b_b)
 
     def force_std(self, speed: Floats | float, grade: Floats | float) -> Floats:
         """(n,) standard deviation of F_b/W at speeds [m/s] and grades [rad], (n,) or numbers.
@@ -59,8 +60,7 @@ class ForceFit:
         From the coefficients alone.
         """
         x = design(np.atleast_1d(speed), np.atleast_1d(grade))
-        std: Floats = np.sqrt(np.einsum("ni,ij,nj->n", x, self.covariance, x))
-        return std
+        return np.asarray(np.sqrt(np.einsum("ni,ij,nj->n", x, self.covariance, x)))
 
 
 def fit_force(
@@ -112,9 +112,7 @@ def by_mount(coefficients: Floats, mount_std: float) -> Floats:
     return np.outer(direction, direction)
 
 
-def fit_two_stages(
-    speed: Floats, grade: Floats, force_ratio: Floats, groups: int = 4
-) -> Floats | None:
+def fit_two_stages(speed: Floats, grade: Floats, force_ratio: Floats) -> Floats | None:
     """The paper's own estimator, for comparison: lines over grade in speed groups, then over speed.
 
     Groups hold equally many stops. Source: Braking (9), (10), with the gravity-free force and the
@@ -125,7 +123,7 @@ def fit_two_stages(
     """
     order = np.argsort(speed, kind="stable")
     lines, centres = [], []
-    for members in np.array_split(order, groups):
+    for members in np.array_split(order, _GROUPS):
         if len(members) < 3 or np.ptp(grade[members]) < 1e-6:
             return None
         lines.append(np.polyfit(grade[members], force_ratio[members], 1))

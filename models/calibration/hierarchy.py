@@ -132,8 +132,7 @@ class _Sums(NamedTuple):
         """(m, p, p): unknown of a vehicle at a known mean, and its share of the mean's error."""
         share = np.eye(len(state.mean)) - state.conditional @ self.info
         total = state.conditional + share @ state.mean_covariance @ np.swapaxes(share, -1, -2)
-        result: Floats = 0.5 * (total + np.swapaxes(total, -1, -2))
-        return result
+        return 0.5 * (total + np.swapaxes(total, -1, -2))
 
 
 class _Fit(NamedTuple):

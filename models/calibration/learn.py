@@ -35,7 +35,7 @@ from slopewise.models.calibration.uphill import Asymmetry, clear_asymmetry, net_
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.drive_quality import Suspect, usable
-from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow
+from slopewise.models.stop_logs.find_stops import StopWindow
 from slopewise.models.stop_logs.ground_grade import Dive
 from slopewise.models.stop_logs.measure import Measured, Slope
 from slopewise.models.stop_logs.measured_log import MeasuredLog, measure_stops
@@ -104,20 +104,13 @@ def learn(
     """
     chosen = _with_curves(settings or CalibrationSettings(), effects_model, columns)
     log = measure_log(columns, runs, known, ground=ground, settings=chosen)
-    measured, mount = log.measured, log.mount
-    if not identifies_levels(measured) and any(
-        r.samples.window.level < chosen.stops.full_brake for r in measured.records
+    if not identifies_levels(log.measured) and any(
+        r.samples.window.level < chosen.stops.full_brake for r in log.measured.records
     ):
         stops = dataclasses.replace(chosen.stops, partial=False)
-        without_partial = dataclasses.replace(chosen, stops=stops)
-        return learn(
-            columns,
-            runs,
-            known,
-            ground=ground,
-            settings=without_partial,
-            effects_model=effects_model,
-        )
+        chosen = dataclasses.replace(chosen, stops=stops)
+        log = measure_log(columns, runs, known, ground=ground, settings=chosen)
+    measured, mount = log.measured, log.mount
     if effects_model is not None:
         measured = net_of_effects(measured, effects_model, columns)
     rolling = 0.0 if effects_model is None else effects_model.terrain.rolling_while_braking
@@ -213,14 +206,13 @@ def measure_log(
         m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
         return mount, lambda v: m_m * v + b_m
 
-    stops = StopSettings() if settings is None else settings.stops
     return measure_stops(
         columns,
         runs,
         lambda v: known.m_m * v + known.b_m,
         plausible_mount,
         ground=ground,
-        settings=stops,
+        settings=None if settings is None else settings.stops,
         min_count=min_stops,
     )
 
@@ -231,14 +223,11 @@ def _braking(
     base, *on_surfaces = (_values(s, uneven) for s in surfaces)
     speed_low, speed_high = base["speed_range"]
     base["speed_range"] = (speed_low, max(speed_high, speed_low + 1e-3))
-    tables = dict(known.terrain)
-    for name in [n for n, table in tables.items() if table.state_of is not None]:
-        del tables[name]  # what the stops of this log show takes their place
+    # What the stops of this log show takes the place of states.
+    tables = {name: table for name, table in known.terrain.items() if table.state_of is None}
     for surface, values in zip(surfaces[1:], on_surfaces, strict=True):
-        before = tables.get(surface.name)
-        tables[surface.name] = (
-            SurfaceBraking(**values) if before is None else dataclasses.replace(before, **values)
-        )
+        before = tables.get(surface.name, SurfaceBraking())
+        tables[surface.name] = dataclasses.replace(before, **values)
     return dataclasses.replace(known, dead_time=dead.value, terrain=tables, **base)
 
 

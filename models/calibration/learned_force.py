@@ -17,7 +17,7 @@ from slopewise.models.calibration.recursive import at_least_both
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import corner_design, design
 from slopewise.models.parameters import Braking
-from slopewise.models.quantity import Matrix
+from slopewise.models.quantity import Matrix, validate_covariance
 from slopewise.models.stop_distance import StopDistance
 from slopewise.models.surface_braking import SurfaceBraking
 
@@ -66,10 +66,7 @@ class LearnedForce:
         matrix = np.array(self.covariance, np.float64)
         if matrix.shape != (4, 4) or not np.all(np.abs(matrix) <= _LARGEST**2):
             raise ParameterError("covariance", "4 x 4 finite numbers")
-        scale = float(np.max(np.abs(matrix)))
-        even = np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * scale)
-        if not even or np.linalg.eigvalsh(matrix)[0] < -1e-9 * scale:
-            raise ParameterError("covariance", "a symmetric positive semidefinite matrix")
+        validate_covariance("covariance", self.covariance, 4)
         stops = np.array(self.session or ((1.0, 0.0, 1.0),))
         if not np.isfinite(stops).all() or np.any(stops[:, 0] <= 0.0) or np.any(stops[:, 2] < 0.0):
             raise ParameterError("session", "finite stops with speeds above 0")

@@ -99,8 +99,7 @@ class PublishedForce:
     @property
     def coefficients(self) -> Floats:
         """(4,) m_m, b_m, m_b, b_b that may be planned with."""
-        result: Floats = self._back @ self._force
-        return result
+        return self._back @ self._force
 
     @property
     def corner_forces(self) -> Floats:

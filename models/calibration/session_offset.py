@@ -56,11 +56,6 @@ class SessionStop(NamedTuple):
 class SessionOffset:
     """The table of one surface as the current session has it; one thread.
 
-    Args:
-        known: table of the calibration. coefficients: (4,) of the file.
-        in_use: table of this session so far.
-        stops: stops of this session, speed [m/s], grade [rad], distance [m].
-
     Attributes:
         known: table of the calibration. coefficients: (4,) of the file.
         stops: stops of this session, the newest last.
@@ -73,6 +68,7 @@ class SessionOffset:
         in_use: StopDistance | None = None,
         stops: tuple[SessionStop, ...] = (),
     ) -> None:
+        """Continue a session of which the stops and the table ``in_use`` so far are given."""
         self.known, self._log = known, np.log(np.array(known.stop_factor))
         shape = len(known.levels), len(known.grades), len(known.speeds)
         speed, grade = np.meshgrid(known.speeds, known.grades)
@@ -148,15 +144,13 @@ class SessionOffset:
             narrower = np.sqrt((variance + wider * within) / (std**2 + within))
             moved = middle + np.maximum(mean, shortest)
             required = np.maximum(required, moved + (cells - middle) * narrower)
-        result: Floats = required.reshape(self._log.shape)
-        return result
+        return required.reshape(self._log.shape)
 
 
 def _predicted(speed: Floats, grade: Floats, coefficients: Floats, dead_time: float) -> Floats:
     """(n,) distances on even slopes [m]."""
     pull = np.maximum(design(speed, grade) @ coefficients + np.sin(grade), MIN_PULL)
-    result: Floats = braking.stopping_distance(speed, GRAVITY * pull, dead_time, 0.0)
-    return result
+    return np.asarray(braking.stopping_distance(speed, GRAVITY * pull, dead_time, 0.0))
 
 
 def _within(width: Floats, session_std: float) -> Floats:

@@ -21,12 +21,7 @@ from slopewise.models.calibration.distance_table import (
     SurfaceLaw,
     learn_distance,
 )
-from slopewise.models.calibration.force_fit import (
-    ForceFit,
-    by_mount,
-    fit_force,
-    fit_two_stages,
-)
+from slopewise.models.calibration.force_fit import ForceFit, by_mount, fit_force, fit_two_stages
 from slopewise.models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
 from slopewise.models.calibration.margins import offset_for
 from slopewise.models.calibration.promise import Promise, promise_of
@@ -39,7 +34,7 @@ from slopewise.models.stop_logs.find_stops import StopSettings
 from slopewise.models.stop_logs.measure import Measured
 from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.random_effects import Bounds
-from slopewise.models.stop_logs.stop_record import StopRecord
+from slopewise.models.stop_logs.stop_record import StopRecord, forces_of
 
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
 
@@ -109,8 +104,7 @@ class SurfaceFit:
         return speed_by_grade(*self._driven(), self.speed_range, self.grade_range, self.corners)
 
     def _driven(self) -> tuple[Floats, Floats]:
-        inliers = [r for r in self.records if r.kept]
-        return np.array([r.onset_speed for r in inliers]), np.array([r.grade for r in inliers])
+        return forces_of([r for r in self.records if r.kept])[:2]
 
 
 def fit_records(records: Sequence[StopRecord], measured: Measured, known: Braking) -> ForceFit:
@@ -118,10 +112,7 @@ def fit_records(records: Sequence[StopRecord], measured: Measured, known: Brakin
     index = {id(r): i for i, r in enumerate(measured.records)}
     rows = [index[id(r)] for r in records]
     return fit_force(
-        np.array([r.onset_speed for r in records]),
-        np.array([r.grade for r in records]),
-        np.array([r.force_ratio for r in records]),
-        np.array([r.force_std for r in records]),
+        *forces_of(records),
         np.array(known.coefficients),
         common=(measured.by_dead_time[rows], measured.dead_time.std),
         bounds=_bounds(measured, {r.samples.terrain for r in records}),
@@ -133,9 +124,7 @@ def _bounds(measured: Measured, surfaces: Container[str]) -> Bounds | None:
     short = [r for r in measured.bounds if r.samples.terrain in surfaces]
     if not short:
         return None
-    force, noise, speed, grade = np.array(
-        [(r.force_ratio, r.force_std, r.onset_speed, r.grade) for r in short]
-    ).T
+    speed, grade, force, noise = forces_of(short)
     return Bounds(design(speed, grade), force, noise)
 
 
@@ -183,7 +172,7 @@ def _surface(
     law = SurfaceLaw(fit.coefficients, measured.dead_time.value, levels)
     seen = _predicted(records, fit, law)
     inliers = [r for r in seen if r.kept]
-    speeds, grades = (np.array([getattr(r, n) for r in inliers]) for n in ("onset_speed", "grade"))
+    speeds, grades, forces, _ = forces_of(inliers)
     ranges = trained_ranges(speeds, grades)
     stops = Stops(
         np.array([r.samples.window.held_speed for r in seen]),
@@ -204,7 +193,7 @@ def _surface(
         mount_std,
         offset_for(settings.coverage, time[np.isfinite(time)]),
         *ranges,
-        fit_two_stages(speeds, grades, np.array([r.force_ratio for r in inliers])),
+        fit_two_stages(speeds, grades, forces),
     )
 
 
@@ -227,7 +216,7 @@ def trained_ranges(speed: Floats, grade: Floats) -> tuple[tuple[float, float], t
 def _predicted(records: Sequence[StopRecord], fit: ForceFit, law: SurfaceLaw) -> list[StopRecord]:
     """Each stop with the prediction of a fit that has not seen it (leave one out, closed form)."""
     regression = fit.regression
-    x = design(*(np.array([getattr(r, n) for r in records]) for n in ("onset_speed", "grade")))
+    x = design(*forces_of(records)[:2])
     seen = []
     for i, record in enumerate(records):
         gain = regression.gain[:, i]

@@ -18,7 +18,7 @@ from scipy.special import gammaincinv, ndtri
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.calibration.tracking_samples import TrackingSamples
 from slopewise.models.input_errors import Tracking, input_errors
-from slopewise.models.stop_logs.random_effects import PER_MAD, fit
+from slopewise.models.stop_logs.random_effects import PER_MAD, fit_mean
 
 _SESSIONS = 4
 """Fewest sessions [1]: of three the spread of their means is known to a factor of three only."""
@@ -174,16 +174,12 @@ def _scatter_law(
 def _between(medians: Floats, noise: Floats) -> float:
     """Standard deviation of a new session's mean about the line, which is 0."""
     count = len(medians)
-    means = fit(np.ones((count, 1)), medians, noise, np.zeros(1), np.array([[1.0]]))
+    means = fit_mean(medians, noise, 0.0, 1.0)
     # Few sessions show less spread than there is.
-    open_yet = float(np.sqrt((count - 1) / _chi_square(count - 1)))
+    exceeded = 2.0 * float(gammaincinv(0.5 * (count - 1), 1.0 - _CONFIDENCE))  # by χ²
+    open_yet = float(np.sqrt((count - 1) / exceeded))
     mean, variance = float(means.coefficients[0]), float(means.covariance[0, 0])
     return float(np.sqrt((open_yet * means.scatter) ** 2 + mean**2 + variance))
-
-
-def _chi_square(freedom: int) -> float:
-    """The value that χ² exceeds with the confidence."""
-    return 2.0 * float(gammaincinv(0.5 * freedom, 1.0 - _CONFIDENCE))
 
 
 def _tails(samples: TrackingSamples, use: Bools, error: Floats, law: Spread) -> float:

@@ -147,5 +147,4 @@ def _at(line: Floats, along: Floats, station: Floats) -> Floats:
 
 
 def _wrapped(angle: Floats) -> Floats:
-    wrapped: Floats = np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
-    return wrapped
+    return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi

@@ -26,7 +26,7 @@ from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.measure import Measured
-from slopewise.models.stop_logs.stop_record import StopRecord
+from slopewise.models.stop_logs.stop_record import StopRecord, forces_of
 
 _MIN_STOPS = 8  # minimum number of stops uphill and downhill
 _STEEP = 0.035  # [rad] lowest grade that is uphill or downhill
@@ -57,8 +57,7 @@ def clear_asymmetry(base: SurfaceFit, effects_model: Model | None) -> Asymmetry 
     if any(law.kinks_at_level and law.axis == "grade" for law in laws):
         return None
     inliers = [r for r in base.records if r.kept]
-    names = ("onset_speed", "grade", "force_ratio", "force_std")
-    uphill = asymmetry(*(np.array([getattr(r, n) for r in inliers]) for n in names))
+    uphill = asymmetry(*forces_of(inliers))
     return uphill if uphill is not None and uphill.clear else None
 
 
@@ -119,5 +118,4 @@ def extra_force(on: Braking, speed: float, grade: Floats) -> Floats | None:
     if on.uphill is None:
         return None
     change = (on.uphill.m_m - on.m_m) * speed + on.uphill.b_m - on.b_m
-    result: Floats = change * np.maximum(grade, 0.0)
-    return result
+    return change * np.maximum(grade, 0.0)

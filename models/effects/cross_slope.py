@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slopewise.models.arrays import Elementwise, Floats
-from slopewise.models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search, Values
+from slopewise.models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
 from slopewise.models.effects.stops_seen import StopsSeen
 
 
@@ -18,10 +18,6 @@ def force_term(place: Place, k: Elementwise) -> Elementwise:
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
     yield {}, np.fabs(stops.roll)
-
-
-def _only_reduces(values: Values) -> bool:
-    return values["k"] <= 0.0
 
 
 EFFECT = EffectLaw(
@@ -36,5 +32,5 @@ EFFECT = EffectLaw(
     kinks_at_level=True,
     max_force=lambda _: {"k": 0.35},
     per_slope=1.0,
-    only_reduces=_only_reduces,
+    only_reduces=lambda p: p["k"] <= 0.0,
 )

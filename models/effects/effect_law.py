@@ -117,14 +117,6 @@ class Search:
     joint: Callable[..., dict[str, float]] | None = None
 
 
-def _no_force(_: Values) -> dict[str, float]:
-    return {}
-
-
-def _never(_: Values) -> bool:
-    return False
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectLaw:
     """One effect, before any data.
@@ -162,9 +154,9 @@ class EffectLaw:
     kinks_at_level: bool = False
     grown: Callable[[Values, float], dict[str, float]] | None = None
     along: Callable[..., Any] | None = None
-    max_force: Callable[[Values], dict[str, float]] = _no_force
+    max_force: Callable[[Values], dict[str, float]] = lambda _: {}
     per_slope: float = 0.0
-    only_reduces: Callable[[Values], bool] = _never
+    only_reduces: Callable[[Values], bool] = lambda _: False
     may_add: Callable[[Values], bool] | None = None
 
     @property

@@ -30,11 +30,7 @@ EFFECT = EffectLaw(
     parameters={"k": Parameter(unit="1/rad", plausible=(-5.0, 5.0), step=0.01)},
     axis="grade",
     experiment="stop uphill as well as downhill",
-    search=Search(
-        columns=_columns,
-        strength="k",
-        one_sided=False,
-    ),
+    search=Search(columns=_columns, strength="k", one_sided=False),
     kinks_at_level=True,
     max_force=lambda _: {"k": 0.35},
     per_slope=1.0,

@@ -27,11 +27,7 @@ EFFECT = EffectLaw(
     parameters={"k": Parameter(unit="1/rad²", plausible=(-20.0, 20.0), step=0.01)},
     axis="grade",
     experiment="stop on steeper ground, up and down",
-    search=Search(
-        columns=_columns,
-        strength="k",
-        one_sided=False,
-    ),
+    search=Search(columns=_columns, strength="k", one_sided=False),
     max_force=lambda _: {"k": 0.12},
     per_slope=0.7,
 )

@@ -33,12 +33,7 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("session_time",)),
     axis="time",
     experiment="repeat these stops much later in the session",
-    search=Search(
-        columns=_columns,
-        strength="k",
-        one_sided=False,
-        pauses_distinguish=True,
-    ),
+    search=Search(columns=_columns, strength="k", one_sided=False, pauses_distinguish=True),
     max_force=lambda _: {"k": _LONGEST},
     may_add=lambda p: p["k"] > 0.0,
 )

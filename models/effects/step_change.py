@@ -10,13 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from slopewise.models.arrays import Elementwise, Floats
-from slopewise.models.effects.effect_law import (
-    POSITIVE,
-    EffectLaw,
-    Enters,
-    Parameter,
-    Search,
-)
+from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
 from slopewise.models.effects.stops_seen import MIN_STOP_COUNT, StopsSeen
 
 
@@ -48,11 +42,7 @@ EFFECT = EffectLaw(
     axis="run",
     experiment="repeat these stops as the vehicle was before",
     search=Search(
-        columns=_columns,
-        strength="scale",
-        one_sided=False,
-        offset=1.0,
-        pauses_distinguish=True,
+        columns=_columns, strength="scale", one_sided=False, offset=1.0, pauses_distinguish=True
     ),
     where=lambda p: f"from the log's run {p['run']:.0f} on, the first being 0",
     max_force=lambda _: {"scale": 1.0, "delta": 1.0},

@@ -14,7 +14,6 @@ from slopewise.models.effects.effect_law import (
     Parameter,
     Place,
     Search,
-    Values,
 )
 from slopewise.models.effects.stops_seen import MIN_STOP_COUNT, StopsSeen
 
@@ -76,14 +75,6 @@ def _middles(values: Floats, count: int) -> Floats:
     return low + (high - low) * (np.arange(count) + 0.5) / count
 
 
-def _grown(values: Values, length: float) -> dict[str, float]:
-    return {**values, "radius": values["radius"] + length}
-
-
-def _where(values: Values) -> str:
-    return f"within {values['radius']:.1f} m of ({values['x']:.1f}, {values['y']:.1f}) m"
-
-
 EFFECT = EffectLaw(
     missing="another surface in one place",
     enters=Enters.GROUND,
@@ -98,14 +89,9 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("place",)),
     axis="place",
     experiment="stop outside the place of these stops",
-    search=Search(
-        columns=_columns,
-        strength="delta",
-        one_sided=False,
-        placed=True,
-    ),
-    where=_where,
-    grown=_grown,
+    search=Search(columns=_columns, strength="delta", one_sided=False, placed=True),
+    where=lambda p: f"within {p['radius']:.1f} m of ({p['x']:.1f}, {p['y']:.1f}) m",
+    grown=lambda p, length: {**p, "radius": p["radius"] + length},
     along=_along,
     max_force=lambda _: {"delta": 1.0},
     may_add=lambda p: p["delta"] > 0.0,

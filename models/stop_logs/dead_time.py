@@ -36,8 +36,7 @@ def dead_time(knees: Sequence[Knee], noise: Floats) -> DeadTime:
     """Common dead time of some stops, at least one; noise: (n,) of the speed of each [m/s]."""
     onset = np.array([knee.onset_time for knee in knees])
     std = noise * np.sqrt([knee.covariance[1, 1] for knee in knees])
-    prior = np.array([float(np.median(onset))]), np.array([[_NO_IDEA**2]])
-    fit = random_effects.fit(np.ones((len(onset), 1)), onset, std, *prior)
+    fit = random_effects.fit_mean(onset, std, float(np.median(onset)), _NO_IDEA)
     value = max(float(fit.coefficients[0]), 0.0)
     return DeadTime(value, float(np.sqrt(fit.covariance[0, 0])), fit.scatter)
 
@@ -84,9 +83,7 @@ def held_weights(knees: Sequence[Knee | None], noise: Floats) -> Floats:
         return weights
     creep = np.array([knee.creep for knee in measured])
     std = noise * np.sqrt([knee.creep_variance for knee in measured])
-    fit = random_effects.fit(
-        np.ones((len(creep), 1)), creep, np.maximum(std, 1e-9), np.zeros(1), np.array([[CREEP**2]])
-    )
+    fit = random_effects.fit_mean(creep, np.maximum(std, 1e-9), 0.0, CREEP)
     # A spread that is not seen may still be as large as chance could hide.
     hidden = float(np.mean(std**2)) * np.sqrt(2.0 / len(creep))
     spread = np.sqrt(fit.scatter**2 + float(fit.coefficients[0]) ** 2 + hidden)

@@ -98,18 +98,16 @@ def usable(
     return is_usable
 
 
-def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
+def _suspects_of_run(part: dict[str, Floats], begin: int) -> Iterator[Suspect]:
     t = part["t"]
-    suspects = []
     for k in _gaps(t):
         reason = f"no samples for {t[k + 1] - t[k]:.2f} s"
-        suspects.append(Suspect(begin + k, begin + k + 2, "t", SuspectKind.GAP, reason))
+        yield Suspect(begin + k, begin + k + 2, "t", SuspectKind.GAP, reason)
     for name, values in part.items():
         for a, b, kind, reason in _suspects_of_channel(name, values, part):
-            suspects.append(Suspect(begin + a, begin + b, name, kind, reason))
+            yield Suspect(begin + a, begin + b, name, kind, reason)
     for name, reason in unit_suspects.find(part):
-        suspects.append(Suspect(begin, begin + len(t), name, SuspectKind.UNITS, reason))
-    return suspects
+        yield Suspect(begin, begin + len(t), name, SuspectKind.UNITS, reason)
 
 
 def _suspects_of_channel(

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.errors import ParameterError
+from slopewise.models.stop_logs.drive_quality import stretches_of
 from slopewise.models.stop_logs.speed_floor import speed_floor
 
 STOP_COMMAND_MAX_SPEED = 0.01
@@ -290,13 +291,11 @@ class _Search:
         settled = self._settled_speed(held)
         # Noise that reaches down to zero shows standstill better than its amplitude.
         soon = _SOON if settled > self.settings.settled_speed else 0.0
-        slow = usable & (v <= settled)
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
         first = int(crossed[0]) if len(crossed) else None
-        for a, b in zip(edges[::2], edges[1::2], strict=True):
+        for a, b in stretches_of(usable & (v <= settled)):
             if self.t[i + b - 1] - self.t[i + a] >= self.settings.settled:
                 if first is None or self.t[i + first] - self.t[i + a] > soon:
-                    first = int(a)
+                    first = a
                 break
         return None if first is None else i + first
 

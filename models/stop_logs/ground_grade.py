@@ -44,6 +44,16 @@ class StopPitch:
     standstill_time: float  # and its end [s]
     deceleration: float  # its mean [m/s²]
 
+    def felt_deceleration(self, settling: float) -> Floats:
+        """(n,) deceleration as the body follows it, first order with a time constant [m/s²]."""
+        since_onset = np.maximum(self.time - self.onset_time, 0.0)
+        since_rest = np.maximum(self.time - self.standstill_time, 0.0)
+        if settling <= 0.0:
+            braking = (self.time > self.onset_time) & (self.time <= self.standstill_time)
+            return np.where(braking, self.deceleration, 0.0)
+        built = np.minimum(since_onset, self.standstill_time - self.onset_time)
+        return self.deceleration * -np.expm1(-built / settling) * np.exp(-since_rest / settling)
+
 
 @dataclass(frozen=True, slots=True)
 class Dive:
@@ -58,25 +68,9 @@ class Dive:
         """Pitch of a body at rest or at even speed over the grade that it is on [1]."""
         return 1.0 + GRAVITY * self.per_deceleration
 
-    def pitch(
-        self, time: Floats, onset_time: float, standstill_time: float, deceleration: float
-    ) -> Floats:
-        """(n,) pitch by the deceleration at times since the stop command [rad]."""
-        return self.per_deceleration * felt_deceleration(
-            time, onset_time, standstill_time, deceleration, self.settling
-        )
-
-
-def felt_deceleration(
-    time: Floats, onset_time: float, standstill_time: float, deceleration: float, settling: float
-) -> Floats:
-    """(n,) deceleration from onset to standstill as the body follows it, first order [m/s²]."""
-    since_onset = np.maximum(time - onset_time, 0.0)
-    since_rest = np.maximum(time - standstill_time, 0.0)
-    if settling <= 0.0:
-        return np.where((time > onset_time) & (time <= standstill_time), deceleration, 0.0)
-    built = -np.expm1(-np.minimum(since_onset, standstill_time - onset_time) / settling)
-    return deceleration * built * np.exp(-since_rest / settling)
+    def pitch(self, stop: StopPitch) -> Floats:
+        """(n,) pitch by the deceleration at the samples of a stop [rad]."""
+        return self.per_deceleration * stop.felt_deceleration(self.settling)
 
 
 def estimate_dive(stops: Sequence[StopPitch]) -> Dive:
@@ -107,9 +101,7 @@ def _estimate(
 ) -> tuple[float, Dive]:
     single, information, remains, counts = [], [], [], []
     for stop, ground in zip(stops, grounds, strict=True):
-        shape = felt_deceleration(
-            stop.time, stop.onset_time, stop.standstill_time, stop.deceleration, settling
-        )
+        shape = stop.felt_deceleration(settling)
         felt = shape - ground @ (ground.T @ shape)
         pitch = stop.pitch - ground @ (ground.T @ stop.pitch)
         power = float(felt @ felt)
@@ -123,13 +115,7 @@ def _estimate(
         return np.inf, Dive(settling=settling)
     each, weight = np.array(single), np.array(information)
     noise = np.sqrt(sum(remains) / max(sum(counts), 1) / weight)
-    fit = random_effects.fit(
-        np.ones((len(each), 1)),
-        each,
-        np.maximum(noise, 1e-9),
-        np.zeros(1),
-        np.array([[_DIVE_PRIOR**2]]),
-    )
+    fit = random_effects.fit_mean(each, np.maximum(noise, 1e-9), 0.0, _DIVE_PRIOR)
     value = float(fit.coefficients[0])
     cost = sum(remains) + float(np.sum(weight * np.minimum((each - value) ** 2, noise**2 * 9.0)))
     return cost, Dive(value, float(np.sqrt(fit.covariance[0, 0])), settling)
@@ -148,5 +134,4 @@ def shrunk(grade: Floats, noise: Floats) -> Floats:
     variance = float(np.mean(noise**2))
     real = float(np.var(grade, ddof=1)) - variance * (1.0 + 3.0 * np.sqrt(2.0 / (n - 1)))
     trust = max(real, 0.0) / (max(real, 0.0) + noise**2 + 1e-18)
-    result: Floats = np.mean(grade) + trust * (grade - np.mean(grade))
-    return result
+    return np.asarray(np.mean(grade) + trust * (grade - np.mean(grade)))

@@ -128,8 +128,7 @@ def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
     each = PER_MAD * float(np.median(np.abs(jumps))) / np.sqrt(2.0)
     count = np.array([max(stop.at_standstill - stop.at_command, 1) for stop in stops])
     mapped = np.array([s.grade is not None and np.isfinite(s.grade).all() for s in stops])
-    noise: Floats = np.where(mapped, 0.0, each / np.sqrt(count))
-    return noise
+    return np.where(mapped, 0.0, each / np.sqrt(count))
 
 
 def speed_noise(knees: Sequence[Knee]) -> Floats:
@@ -147,8 +146,7 @@ def speed_noise(knees: Sequence[Knee]) -> Floats:
     rho = float(np.median([knee.correlation for knee in knees]))
     # Four fitted parameters make white residuals look anticorrelated.
     rho = float(np.clip(rho + 2.0 / float(np.median(count)), 0.0, _MAX_CORRELATION))
-    noise: Floats = np.sqrt(variance * (1.0 + rho) / (1.0 - rho))
-    return noise
+    return np.asarray(np.sqrt(variance * (1.0 + rho) / (1.0 - rho)))
 
 
 def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
@@ -157,36 +155,22 @@ def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
         still = float(stop.time[-1]) - stop.standstill_time
         if knee is None or still < _MIN_STANDSTILL or not np.isfinite(stop.pitch).all():
             continue
-        pitches.append(
-            StopPitch(
-                stop.time,
-                stop.station,
-                stop.pitch,
-                knee.onset_time,
-                stop.standstill_time,
-                _mean_deceleration(stop, knee),
-            )
-        )
+        pitches.append(stop_pitch(stop, knee))
     return estimate_dive(pitches)
 
 
-def dive_pitch(stop: StopSamples, knee: Knee, dive: Dive) -> Floats:
-    """(n,) pitch of the body by its dive, at the samples of a stop [rad]."""
-    return dive.pitch(
-        stop.time, knee.onset_time, stop.standstill_time, _mean_deceleration(stop, knee)
-    )
-
-
-def _mean_deceleration(stop: StopSamples, knee: Knee) -> float:
-    lost = knee.onset_speed - stop.speed_left
-    return lost / max(stop.standstill_time - knee.onset_time, 1e-3)
+def stop_pitch(stop: StopSamples, knee: Knee) -> StopPitch:
+    """Pitch and mean deceleration of a stop between its onset and standstill."""
+    onset, standstill = knee.onset_time, stop.standstill_time
+    slowing = (knee.onset_speed - stop.speed_left) / max(standstill - onset, 1e-3)
+    return StopPitch(stop.time, stop.station, stop.pitch, onset, standstill, slowing)
 
 
 def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> Floats:
     """Grade of the ground at the samples: the map's where there is one, else from the pitch."""
     grade = stop.window.direction * mount.offset - stop.pitch
     if knee is not None:
-        grade = (grade + dive_pitch(stop, knee, dive)) / dive.steeper
+        grade = (grade + dive.pitch(stop_pitch(stop, knee))) / dive.steeper
     if stop.grade is not None:
         grade = np.where(np.isfinite(stop.grade), stop.grade, grade)
     return grade

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs import mount_offset
-from slopewise.models.stop_logs.measure import Measured, dive_pitch
+from slopewise.models.stop_logs.measure import Measured, stop_pitch
 from slopewise.models.stop_logs.mount_offset import Mount
 
 _PLACE = ("x", "y", "z", "yaw")
@@ -51,7 +51,7 @@ def mount_of_log(
         if window.direction < 0:  # its pitch is that of the other direction
             continue
         part = slice(window.begin, window.standstill)
-        dive = dive_pitch(record.samples, record.knee, measured.dive)
+        dive = measured.dive.pitch(stop_pitch(record.samples, record.knee))
         pitch[part] -= dive[: window.standstill - window.begin]
         use[window.command : window.standstill] = True
     use &= usable

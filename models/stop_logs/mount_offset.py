@@ -50,8 +50,7 @@ def steady(time: Floats, speed: Floats) -> Bools:
     padded = np.pad(speed, half, mode="edge")
     width = 2 * half + 1
     smooth = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
-    use: Bools = (smooth > 0.3) & (np.abs(np.gradient(smooth, time)) < _STEADY)
-    return use
+    return np.asarray((smooth > 0.3) & (np.abs(np.gradient(smooth, time)) < _STEADY))
 
 
 def from_grade(pitch: Floats, grade: Floats, use: Bools, source: str) -> Mount:
@@ -72,8 +71,7 @@ def from_heights(station: Floats, height: Floats) -> Floats:
     length = np.minimum(station + _CELL, station[-1]) - np.maximum(station - _CELL, station[0])
     is_long = length > _MIN_STEP
     rise = np.divide(ahead - behind, length, out=np.full_like(length, np.nan), where=is_long)
-    grade: Floats = np.arcsin(np.clip(rise, -1.0, 1.0))
-    return grade
+    return np.asarray(np.arcsin(np.clip(rise, -1.0, 1.0)))
 
 
 def course(station: Floats, x: Floats, y: Floats) -> Floats:
@@ -85,8 +83,7 @@ def course(station: Floats, x: Floats, y: Floats) -> Floats:
     dx = np.interp(ahead, station, x) - np.interp(behind, station, x)
     dy = np.interp(ahead, station, y) - np.interp(behind, station, y)
     moved = np.hypot(dx, dy) > 0.3 * _MIN_STEP
-    direction: Floats = np.where(moved, np.arctan2(dy, dx), np.nan)
-    return direction
+    return np.where(moved, np.arctan2(dy, dx), np.nan)
 
 
 def from_headings(pitch: Floats, x: Floats, y: Floats, heading: Floats, use: Bools) -> Mount:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
@@ -84,108 +85,106 @@ def fit_with_bounds(
         result = dataclasses.replace(joint, **rows)
 
 
+def fit_mean(observed: Floats, noise: Floats, prior_mean: float, prior_std: float) -> LinearFit:
+    """Fit of one value that all observations (n,) have in common."""
+    ones = np.ones((len(observed), 1))
+    return fit(ones, observed, noise, np.array([prior_mean]), np.array([[prior_std**2]]))
+
+
 def fit(
-    design: Floats,
-    observed: Floats,
-    noise: Floats,
-    prior_mean: Floats,
-    prior_covariance: Floats,
-    *,
-    reject: float = _REJECT,
+    design: Floats, observed: Floats, noise: Floats, prior_mean: Floats, prior_covariance: Floats
 ) -> LinearFit:
     """Fit with a weak prior, which decides only where the observations carry no information.
 
-    ``noise``: (n,) standard deviations of the measurement; ``reject``: those from which one is
-    rejected.
+    ``noise``: (n,) standard deviations of the measurement.
     """
     information: Floats = np.asarray(np.linalg.inv(prior_covariance), np.float64)
-    start = _start(design, observed, noise, prior_mean, information)
-    residuals = observed - design @ start
+    every = _Observations(design, observed, noise, prior_mean, information)
+    residuals = observed - design @ every.start()
     center = float(np.median(residuals))
     spread = PER_MAD * float(np.median(np.abs(residuals - center)))
     scatter = np.sqrt(max(spread**2 - float(np.median(noise)) ** 2, 0.0))
-    kept = _within(residuals, noise, scatter, reject)
-    beta = start
+    kept = every.within(residuals, scatter)
     for _ in range(_PASSES):
-        scatter = _scatter(design[kept], observed[kept], noise[kept], information, prior_mean)
-        beta = _solve(
-            design[kept], observed[kept], noise[kept] ** 2 + scatter**2, information, prior_mean
-        )[0]
-        residuals = observed - design @ beta
-        again = _within(residuals, noise, scatter, reject)
+        inliers = every.of(kept)
+        scatter = inliers.scatter()
+        beta, _ = inliers.solve(inliers.noise**2 + scatter**2)
+        again = every.within(observed - design @ beta, scatter)
         if (again == kept).all():
             break
         kept = again
-    return _result(design, observed, noise, scatter, kept, information, prior_mean)
+    return every.result(kept, scatter)
 
 
-def _start(design: Floats, observed: Floats, noise: Floats, mean: Floats, info: Floats) -> Floats:
-    """Where gross errors pull little: absolute residuals are used, their squares only near zero."""
-    root = np.linalg.cholesky(info).T
-    scale = max(float(np.median(noise)), 1e-6)
-    weight = 1.0 / np.maximum(noise, scale)
-    jacobian = np.concatenate((-design * weight[:, None], root))
+class _Observations(NamedTuple):
+    """Observations y (n,) with design (n, p) and noise (n,), and the prior of their coefficients.
 
-    def residual(beta: Floats) -> Floats:
-        return np.concatenate(((observed - design @ beta) * weight, root @ (beta - mean)))
+    Attributes:
+        mean: (p,) of the prior. information: (p, p) inverse of its covariance.
+    """
 
-    # A copy each time: a robust loss scales it in place.
-    solution: Floats = least_squares(
-        residual, mean, jac=lambda _: jacobian.copy(), loss="soft_l1"
-    ).x
-    return solution
+    design: Floats
+    observed: Floats
+    noise: Floats
+    mean: Floats
+    information: Floats
 
+    def of(self, kept: Bools) -> _Observations:
+        """Those of which ``kept`` (n,) is True."""
+        return _Observations(
+            self.design[kept], self.observed[kept], self.noise[kept], self.mean, self.information
+        )
 
-def _within(residuals: Floats, noise: Floats, scatter: float, reject: float) -> Bools:
-    scaled = np.abs(residuals) / np.sqrt(noise**2 + scatter**2 + 1e-18)
-    limit = max(reject, float(np.quantile(scaled, 1.0 - _MAX_REJECTED_SHARE)))
-    return scaled <= limit
+    def start(self) -> Floats:
+        """Where gross errors pull little: absolute residuals, their squares only near zero."""
+        root = np.linalg.cholesky(self.information).T
+        scale = max(float(np.median(self.noise)), 1e-6)
+        weight = 1.0 / np.maximum(self.noise, scale)
+        jacobian = np.concatenate((-self.design * weight[:, None], root))
 
+        def residual(beta: Floats) -> Floats:
+            left = (self.observed - self.design @ beta) * weight
+            return np.concatenate((left, root @ (beta - self.mean)))
 
-def _solve(
-    design: Floats, observed: Floats, variance: Floats, info: Floats, mean: Floats
-) -> tuple[Floats, Floats]:
-    weighted = design / variance[:, None]
-    normal = design.T @ weighted + info
-    covariance: Floats = np.asarray(np.linalg.inv(normal), np.float64)
-    beta: Floats = covariance @ (weighted.T @ observed + info @ mean)
-    return beta, covariance
+        # A copy each time: a robust loss scales it in place.
+        solution = least_squares(residual, self.mean, jac=lambda _: jacobian.copy(), loss="soft_l1")
+        return np.asarray(solution.x, np.float64)
 
+    def within(self, residuals: Floats, scatter: float) -> Bools:
+        """(n,) residuals that are no outliers."""
+        scaled = np.abs(residuals) / np.sqrt(self.noise**2 + scatter**2 + 1e-18)
+        return scaled <= max(_REJECT, float(np.quantile(scaled, 1.0 - _MAX_REJECTED_SHARE)))
 
-def _scatter(design: Floats, observed: Floats, noise: Floats, info: Floats, mean: Floats) -> float:
-    """Restricted maximum likelihood of the standard deviation of the random effect."""
+    def solve(self, variance: Floats) -> tuple[Floats, Floats]:
+        """Coefficients (p,) and their covariance (p, p) at variances (n,)."""
+        weighted = self.design / variance[:, None]
+        normal = self.design.T @ weighted + self.information
+        covariance: Floats = np.asarray(np.linalg.inv(normal), np.float64)
+        return covariance @ (weighted.T @ self.observed + self.information @ self.mean), covariance
 
-    def cost(log_scatter: float) -> float:
-        variance = noise**2 + np.exp(2.0 * log_scatter)
-        beta, covariance = _solve(design, observed, variance, info, mean)
-        residual = observed - design @ beta
-        shift = beta - mean
-        quadratic = residual @ (residual / variance) + shift @ info @ shift
-        return float(np.sum(np.log(variance)) - np.linalg.slogdet(covariance)[1] + quadratic)
+    def scatter(self) -> float:
+        """Restricted maximum likelihood of the standard deviation of the random effect."""
 
-    even = np.full(len(noise), float(np.median(noise)) ** 2 + 1e-12)
-    left = observed - design @ _solve(design, observed, even, info, mean)[0]
-    typical = max(float(np.std(left)), 1e-9)
-    low, high = np.log(1e-3 * typical), np.log(10.0 * typical)
-    best = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
-    return float(np.exp(best.x))
+        def cost(log_scatter: float) -> float:
+            variance = self.noise**2 + np.exp(2.0 * log_scatter)
+            beta, covariance = self.solve(variance)
+            residual, shift = self.observed - self.design @ beta, beta - self.mean
+            quadratic = residual @ (residual / variance) + shift @ self.information @ shift
+            return float(np.sum(np.log(variance)) - np.linalg.slogdet(covariance)[1] + quadratic)
 
+        even = np.full(len(self.noise), float(np.median(self.noise)) ** 2 + 1e-12)
+        typical = max(float(np.std(self.observed - self.design @ self.solve(even)[0])), 1e-9)
+        low, high = np.log(1e-3 * typical), np.log(10.0 * typical)
+        best = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
+        return float(np.exp(best.x))
 
-def _result(
-    design: Floats,
-    observed: Floats,
-    noise: Floats,
-    scatter: float,
-    kept: Bools,
-    info: Floats,
-    mean: Floats,
-) -> LinearFit:
-    variance = noise**2 + scatter**2
-    beta, covariance = _solve(design[kept], observed[kept], variance[kept], info, mean)
-    residuals = observed - design @ beta
-    freedom = max(int(kept.sum()) - design.shape[1], 1)
-    shown = float(np.sum(residuals[kept] ** 2 / variance[kept])) / freedom
-    gain = np.zeros((design.shape[1], len(observed)))
-    gain[:, kept] = covariance @ (design[kept] / variance[kept][:, None]).T
-    shown = max(shown, 1.0)
-    return LinearFit(beta, covariance * shown, scatter, kept, residuals, variance * shown, gain)
+    def result(self, kept: Bools, scatter: float) -> LinearFit:
+        """The fit that rests on those of which ``kept`` (n,) is True."""
+        variance = self.noise**2 + scatter**2
+        beta, covariance = self.of(kept).solve(variance[kept])
+        residuals, p = self.observed - self.design @ beta, len(beta)
+        freedom = max(int(kept.sum()) - p, 1)
+        shown = max(float(np.sum(residuals[kept] ** 2 / variance[kept])) / freedom, 1.0)
+        gain = np.zeros((p, len(residuals)))
+        gain[:, kept] = covariance @ (self.design[kept] / variance[kept][:, None]).T
+        return LinearFit(beta, covariance * shown, scatter, kept, residuals, variance * shown, gain)

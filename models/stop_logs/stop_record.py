@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,6 +117,13 @@ class StopRecord:
         """(n,) distance since the stop command [m] and (n,) grade [rad], up to standstill."""
         s = self.samples
         return s.station[s.braking] - s.station[s.at_command], self.ground[s.braking]
+
+
+def forces_of(records: Sequence[StopRecord]) -> tuple[Floats, Floats, Floats, Floats]:
+    """(n,) onset speeds [m/s], mean grades [rad], F_b/W and its measurement noise [1] of stops."""
+    rows = [(r.onset_speed, r.grade, r.force_ratio, r.force_std) for r in records]
+    speed, grade, force, noise = np.array(rows, np.float64).reshape(-1, 4).T.copy()
+    return speed, grade, force, noise
 
 
 def cut(

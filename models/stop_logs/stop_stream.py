@@ -27,6 +27,7 @@ _LITTLE = 0.15  # share of the held speed below which the line has ended
 _MIN_SAMPLE_COUNT = 4  # of the line of a stop
 _LONGEST_STEP = 0.5  # [s] a stop with a gap is discarded
 _STANDING = 0.02  # [m/s]
+_MIN_SPEED = 0.5  # [m/s] slower motion is ignored
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +46,12 @@ class StopStream:
     """Feed samples in, get stops out.
 
     Args:
-        dead_time: current estimate [s]. min_speed: slower motion is ignored [m/s].
+        dead_time: current estimate [s].
         mount: offset of the pitch sensor [rad]. dive: pitch under braking [rad s²/m].
     """
 
-    def __init__(
-        self, dead_time: float, *, min_speed: float = 0.5, mount: float = 0.0, dive: float = 0.0
-    ) -> None:
+    def __init__(self, dead_time: float, *, mount: float = 0.0, dive: float = 0.0) -> None:
         self.dead_time, self.mount, self.dive = dead_time, mount, dive
-        self._min_speed = min_speed
         self._time = self._changed = self._speed = math.nan
         self._held = 0.0
         self._is_stop = True
@@ -99,7 +97,7 @@ class StopStream:
         return is_step
 
     def _begin(self, time: float) -> None:
-        self._active = self._held >= self._min_speed
+        self._active = self._held >= _MIN_SPEED
         self._command, self._pull = time, 0.0
         self._sums = [0.0] * 8
 

@@ -110,8 +110,7 @@ class SimulatedStop:
     def speed_at(self, time: Floats) -> Floats:
         """Speed at times since the command, 0 after standstill [m/s]."""
         right = 0.0 if self.stopped else float(self.speed[-1])
-        result: Floats = np.interp(time, self.time, self.speed, right=right)
-        return result
+        return np.interp(time, self.time, self.speed, right=right)
 
 
 def force_ratio(

@@ -228,8 +228,7 @@ class TerrainEstimator:
 
     def _learn(self, measured: Features) -> None:
         """Store the latest of each parameter."""
-        names = [field.name for field in dataclasses.fields(measured)]
-        news = {name: getattr(measured, name) for name in names}
+        news = {field.name: getattr(measured, field.name) for field in dataclasses.fields(measured)}
         news = {name: estimate for name, estimate in news.items() if estimate.is_known}
         self.known = dataclasses.replace(self.known, **news)
 

@@ -7,7 +7,7 @@ Slip (3) with B_s ≥ B; Slip (13) for thrusts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,8 +53,7 @@ def implausible(
     return suspects
 
 
-def _units(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]]:
-    problems = []
+def _units(part: Mapping[str, Floats], vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     rim = 0.5 * (part["v_left"] + part["v_right"])
     moving = (np.abs(part["v"]) > _MOVING) & (np.abs(rim) > _MOVING)
     if moving.sum() >= _MIN_SAMPLES:
@@ -62,7 +61,7 @@ def _units(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]
         by_radius = 1.0 / vehicle.wheel_radius
         if abs(ratio / by_radius - 1.0) < _RATIO and abs(ratio - 1.0) > _RATIO:
             fact = f"v_left, v_right are {ratio:.2f} times v, as rad/s of these wheels would be"
-            problems.append(("v_left", f"expected m/s at the rim: {fact}"))
+            yield "v_left", f"expected m/s at the rim: {fact}"
     difference, rate = part["v_right"] - part["v_left"], part["yaw_rate"]
     turning = (np.abs(difference) > _TURNING) & np.isfinite(rate)
     if turning.sum() >= _MIN_SAMPLES:
@@ -70,13 +69,11 @@ def _units(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]
         turned = float(np.median(np.abs(rate[turning])))
         if asked < _NARROW * vehicle.track_width * turned:
             fact = f"{turned:.1f} where the wheels give at most {asked / vehicle.track_width:.2f}"
-            problems.append(("yaw_rate", f"expected rad/s, got {fact}: degrees per second?"))
-    return problems
+            yield "yaw_rate", f"expected rad/s, got {fact}: degrees per second?"
 
 
-def _signs(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]]:
+def _signs(part: Mapping[str, Floats], vehicle: Vehicle) -> Iterator[tuple[str, str]]:
     """Channels whose sign differs from REP-103 and positive currents forward."""
-    problems = []
     rim = 0.5 * (part["v_left"] + part["v_right"])
     difference = part["v_right"] - part["v_left"]
     straight = (np.abs(difference) < _TURNING) & (np.abs(rim) > _MOVING)
@@ -87,14 +84,11 @@ def _signs(part: Mapping[str, Floats], vehicle: Vehicle) -> list[tuple[str, str]
         if min(left, right) < -_CLEAR and max(left, right) > _CLEAR:
             side = _SIDES[0] if left < right else _SIDES[1]
             fact = f"got {left:.1f} A left and {right:.1f} A right on straights"
-            problems.append(
-                (f"current_{side}", f"expected positive currents to drive forward, {fact}")
-            )
+            yield f"current_{side}", f"expected positive currents to drive forward, {fact}"
     turning = (np.abs(difference) > _TURNING) & np.isfinite(part["yaw_rate"])
     if turning.sum() >= _MIN_SAMPLES:
         achieved = float(np.median(part["yaw_rate"][turning] * np.sign(difference[turning])))
         asked = float(np.median(np.abs(difference[turning]))) / vehicle.track_width
         if achieved < -_AGAINST * asked:
             fact = "it turns against the wheels: sides exchanged, or clockwise positive?"
-            problems.append(("yaw_rate", f"expected counter-clockwise positive: {fact}"))
-    return problems
+            yield "yaw_rate", f"expected counter-clockwise positive: {fact}"

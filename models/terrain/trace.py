@@ -40,9 +40,7 @@ class TerrainTrace:
 
 
 def trace(
-    estimator: TerrainEstimator,
-    rows: Iterable[tuple[DriveSample, bool]],
-    settings: FilterSettings,
+    estimator: TerrainEstimator, rows: Iterable[tuple[DriveSample, bool]], settings: FilterSettings
 ) -> TerrainTrace:
     """Send a run through a new estimator, as arguments of its update, and record its states."""
     states: list[tuple[float, ...]] = []

@@ -16,7 +16,6 @@ from slopewise.models.stop_logs.ground_grade import (
     Dive,
     StopPitch,
     estimate_dive,
-    felt_deceleration,
     shrunk,
 )
 
@@ -57,10 +56,11 @@ def test_the_dive_is_recovered(dive: float, settling: float) -> None:
 
 def test_felt_deceleration_builds_up_and_fades() -> None:
     t = np.array([-1.0, 0.3, 0.4, 5.0, 5.1, 9.0])
-    np.testing.assert_allclose(felt_deceleration(t, 0.3, 5.0, 4.0, 0.0), [0, 0, 4, 4, 0, 0])
-    soft = felt_deceleration(t, 0.3, 5.0, 4.0, 0.1)
+    stop = StopPitch(t, t, t, 0.3, 5.0, 4.0)
+    np.testing.assert_allclose(stop.felt_deceleration(0.0), [0, 0, 4, 4, 0, 0])
+    soft = stop.felt_deceleration(0.1)
     np.testing.assert_allclose(soft, [0, 0, 4 * (1 - np.exp(-1)), 4, 4 * np.exp(-1), 0], atol=1e-9)
-    assert Dive(PER, 0.0, 0.1).pitch(t, 0.3, 5.0, 4.0)[3] == pytest.approx(4.0 * PER)
+    assert Dive(PER, 0.0, 0.1).pitch(stop)[3] == pytest.approx(4.0 * PER)
 
 
 def test_nothing_to_see_is_no_dive() -> None:
