@@ -194,14 +194,9 @@ def _stop(
 def _best_line(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> PromisedLine | None:
     """The line of least mean excess over all dead times and constants (K,); None if none stops."""
     finite = np.isfinite(allowed)
-    dead, constant = (
-        column.ravel()
-        for column in np.meshgrid(
-            np.array(_LATER) * max(law.dead_time, 1e-3),
-            np.array(_CONSTANTS) * float(allowed.min()),
-            indexing="ij",
-        )
-    )
+    later = np.array(_LATER) * max(law.dead_time, 1e-3)
+    constants = np.array(_CONSTANTS) * float(allowed.min())
+    dead, constant = (a.ravel() for a in np.meshgrid(later, constants, indexing="ij"))
     # Where dead time and constant alone allow more than the table, the force is no constraint.
     braked = np.maximum(allowed - v * dead[:, None] - constant[:, None], 1e-6)
     needed = np.where(finite, v * v / (2.0 * GRAVITY * braked), MIN_PULL) - np.sin(theta)

@@ -99,10 +99,9 @@ def fit_tracking(
     learned, cross, heading = _learn(samples, use, known, top_speed)
     held_out = []
     for session in enough:
-        learned_elsewhere, _, _ = _learn(
-            samples, use & (samples.session != session), known, top_speed
-        )
-        held_out.append(_beyond(samples, samples.session == session, learned_elsewhere, quantile))
+        held = samples.session == session
+        learned_elsewhere, _, _ = _learn(samples, use & ~held, known, top_speed)
+        held_out.append(_beyond(samples, held, learned_elsewhere, quantile))
     worst = float(np.max(held_out))
     note = (
         f"[tracking] learned from {total * _BLOCK:.0f} m in {len(enough)} sessions: "

@@ -49,11 +49,8 @@ class Asymmetry:
 
 def clear_asymmetry(base: SurfaceFit, effects_model: Model | None) -> Asymmetry | None:
     """Significant change of the slope coefficient uphill that no effect of the model explains."""
-    laws = (
-        ()
-        if effects_model is None
-        else [registry.LAWS[effect.name] for effect in effects_model.effect]
-    )
+    effects = () if effects_model is None else effects_model.effect
+    laws = [registry.LAWS[effect.name] for effect in effects]
     if any(law.kinks_at_level and law.axis == "grade" for law in laws):
         return None
     inliers = [r for r in base.records if r.kept]

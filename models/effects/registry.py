@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from importlib import import_module
+from itertools import islice
 from typing import NamedTuple
 
 from slopewise.models.arrays import Elementwise
@@ -160,13 +162,18 @@ def motion_deceleration(
     Args:
         speed: [m/s]. curvature: [1/m]. yaw: [rad]. terms: of :func:`motion`.
     """
-    total, first = 0.0 * speed, 0
-    for name in MOTION_LAWS:
-        values = terms.values[first : first + len(LAWS[name].parameters)]
-        first += len(values)
-        if any(values):
-            total = total + LAWS[name].law(speed, curvature, yaw, *values)
+    total = 0.0 * speed
+    for law, values in _acting(terms.values):
+        total = total + law.law(speed, curvature, yaw, *values)
     return total
+
+
+@lru_cache(maxsize=64)
+def _acting(values: tuple[float, ...]) -> tuple[tuple[EffectLaw, tuple[float, ...]], ...]:
+    """Motion laws with their parts of :attr:`MotionTerms.values`, without those of zeros alone."""
+    rest, laws = iter(values), [LAWS[name] for name in MOTION_LAWS]
+    parts = [(law, tuple(islice(rest, len(law.parameters)))) for law in laws]
+    return tuple((law, part) for law, part in parts if any(part))
 
 
 def ground_term(effects: Iterable[Effect], place: Place) -> Elementwise:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -65,6 +66,7 @@ def measure(
     grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
     held = held_weights(first, speed_noise([knee for knee in first if knee is not None])).tolist()
 
+    @cache  # of a body that does not swing, each is asked for twice
     def knee_of(i: int, oscillation: Oscillation | None) -> Knee | None:
         return _knee(stops[i], grounds[i], slope, held[i], oscillation)
 

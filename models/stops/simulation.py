@@ -21,12 +21,13 @@ from scipy.integrate import solve_ivp
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.brake_fade import remaining_share
-from slopewise.models.effects.effect_law import Place
+from slopewise.models.effects.effect_law import Enters, Place
 from slopewise.models.laws import braking, crest, wheel_lockup
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
 
 _PLACE = ("grade", "roll", "yaw", "curvature", "x", "y")
+_ON_GROUND = (Enters.GROUND, Enters.LASTING)
 
 MAX_STOP_TIME = 120.0  # a vehicle that still rolls after that time does not stop [s]
 _AVERAGED = 0.2  # time before the stop command over which the speed is averaged [s]
@@ -113,33 +114,36 @@ class SimulatedStop:
         return np.interp(time, self.time, self.speed, right=right)
 
 
-def force_ratio(
+def force_law(
     model: Model,
     on: Braking,
-    place: dict[str, float],
     onset_speed: float,
     session_time: float = 0.0,
     level: float | None = None,
-) -> float:
-    """F_b/W of the model with surface, brake level and all effects that depend on the place.
+) -> Callable[[dict[str, float]], float]:
+    """F_b/W with surface, brake level and effects, of a place of :meth:`GroundTrack.interpolator`.
 
     Args:
         model: effects and motion resistance.
         on: braking model of the surface.
-        place: as of :meth:`GroundTrack.interpolator`.
         onset_speed: v_i; below the trained range the coefficients at its lower end hold [m/s].
         session_time: [s]. level: share of full application, that of the model by default.
     """
-    grade = place["grade"]
-    slope = on.uphill if on.uphill is not None and grade > 0.0 else on
-    speed = max(onset_speed, on.speed_range[0])
-    force = braking.force_ratio(grade, speed, slope.m_m, slope.b_m, on.m_b, on.b_b)
-    force = braking.force_ratio_at_level(
-        force, model.terrain.rolling_while_braking, on.share_at(level)
-    )
-    here = Place(grade, place["roll"], place["x"], place["y"], place["yaw"], session_time)
-    extra = registry.ground_term(model.effect, here)
-    return float(force * registry.force_scale(model.effect) + extra)
+    speed, share = max(onset_speed, on.speed_range[0]), on.share_at(level)
+    rolling, scale = model.terrain.rolling_while_braking, registry.force_scale(model.effect)
+    on_ground = [e for e in model.effect if registry.law_of(e).enters in _ON_GROUND]
+
+    def at(place: dict[str, float]) -> float:
+        grade = place["grade"]
+        slope = on.uphill if on.uphill is not None and grade > 0.0 else on
+        force = braking.force_ratio(grade, speed, slope.m_m, slope.b_m, on.m_b, on.b_b)
+        force = braking.force_ratio_at_level(force, rolling, share) * scale
+        if on_ground:
+            here = Place(grade, place["roll"], place["x"], place["y"], place["yaw"], session_time)
+            force += registry.ground_term(on_ground, here)
+        return float(force)
+
+    return at
 
 
 def simulate_stop(
@@ -172,11 +176,12 @@ def simulate_stop(
     onset = station + speed * on.dead_time
     crests = registry.crest_share(model.effect)
     ground_at = track.interpolator()
+    force_at = force_law(model, on, speed, session_time, level)
 
     def rates(_: float, state: Floats) -> list[float]:
         s, v, f, q = state.tolist()
         place = ground_at(s)
-        demanded = force_ratio(model, on, place, speed, session_time, level)
+        demanded = force_at(place)
         force = f if motion.lag > 0.0 else demanded
         force *= remaining_share(max(q, 0.0), motion.fade, motion.fade_tau)
         if math.isfinite(motion.friction):
@@ -257,17 +262,11 @@ class RunChannels:
         """The ground under the run; flat and straight where the channel is missing."""
         v, zero = self.speed, np.zeros_like(self.time)
         steps = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(self.time)
-        rate = zero if self.yaw_rate is None else self.yaw_rate
-        return GroundTrack(
-            station=np.concatenate(([0.0], np.cumsum(steps))),
-            grade=-self.pitch,
-            roll=zero if self.roll is None else self.roll,
-            yaw=zero if self.yaw is None else self.yaw,
-            curvature=np.divide(rate, v, out=np.zeros_like(rate), where=v > 0.3),
-            x=zero if self.x is None else self.x,
-            y=zero if self.y is None else self.y,
-            grade_change=self.vertical_curvature,
-        )
+        station = np.concatenate(([0.0], np.cumsum(steps)))
+        optional = (self.roll, self.yaw, self.x, self.y, self.yaw_rate)
+        roll, yaw, x, y, rate = (zero if values is None else values for values in optional)
+        turn = np.divide(rate, v, out=np.zeros_like(rate), where=v > 0.3)
+        return GroundTrack(station, -self.pitch, roll, yaw, turn, x, y, self.vertical_curvature)
 
     def level(self, begin: int, end: int) -> float | None:
         """Brake level that a stop was driven with; None where the log lacks it."""

@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -288,11 +289,12 @@ def write_csv(columns: Mapping[str, Sequence[str] | Floats], path: Path) -> None
     spreadsheet takes them for a formula; :func:`read_csv` gives them back.
     """
     texts = [
-        [_quoted(harmless(cell)) if isinstance(cell, str) else repr(float(cell)) for cell in column]
+        map(repr, column.astype(np.float64).tolist())
+        if isinstance(column, np.ndarray) and column.dtype.kind in "fiub"
+        else [_text(cell) if isinstance(cell, str) else repr(float(cell)) for cell in column]
         for column in columns.values()
     ]
-    head = (_quoted(harmless(name)) for name in columns)
-    lines = [",".join(head), *map(",".join, zip(*texts, strict=True))]
+    lines = [",".join(map(_text, columns)), *map(",".join, zip(*texts, strict=True))]
     write_atomic(path, "".join(f"{line}\n" for line in lines).encode())
 
 
@@ -319,6 +321,8 @@ def plain(cell: str) -> str:
     return cell[1:] if cell[:1] == "'" and _FORMULA.match(cell[1:]) else cell
 
 
-def _quoted(cell: str) -> str:
+@lru_cache(maxsize=1024)  # names of runs are in every row
+def _text(cell: str) -> str:
+    cell = harmless(cell)
     # The csv module of Python 3.11 leaves a lone carriage return without quotes.
     return '"' + cell.replace('"', '""') + '"' if any(c in cell for c in '",\r\n') else cell

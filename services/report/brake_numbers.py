@@ -26,7 +26,7 @@ from slopewise.models.laws.wheel_lockup import friction_cap, lockup_force_ratios
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_promise import promised
-from slopewise.models.stops.simulation import MAX_STOP_TIME, GroundTrack, force_ratio, simulate_stop
+from slopewise.models.stops.simulation import MAX_STOP_TIME, GroundTrack, force_law, simulate_stop
 from slopewise.planner.bounds.speed_bounds import HOLDING
 from slopewise.planner.ground.uncertainty import Uncertainty
 
@@ -114,7 +114,7 @@ class BrakeNumbers:
         """F_b/W by the mean of the model, for an onset speed [m/s] and a grade [rad]."""
         table = self.tables[0]
         motion = registry.motion(self.model.effect, table.sliding_friction)
-        force = force_ratio(self.model, table, _place(grade, 0.0), speed)
+        force = force_law(self.model, table, speed)(_place(grade, 0.0))
         return min(force, motion.friction * math.cos(grade))
 
     def least_force(self, speed: float, grade: float) -> float:  # words: ok (JSON key)
@@ -124,7 +124,7 @@ class BrakeNumbers:
     def mean_distance(self, speed: float, grade: float) -> float:
         """Stop by the mean of the model, without safety offset [m]; inf without a stop."""
         table = self.model.braking.on(self.surface)
-        force = force_ratio(self.model, table, _place(grade, 0.0), speed)
+        force = force_law(self.model, table, speed)(_place(grade, 0.0))
         braked = _braked_distance(self.model, table, force, speed, grade, 0.0)
         return speed * table.dead_time + braked
 
@@ -177,7 +177,7 @@ class BrakeNumbers:
         v, grade = self.model.vehicle, self.tables[0].grade_range[0]
         margin = sum(self.survive.ground_margin(e) for e in self.model.effect)
         strongest = max(
-            force_ratio(self.model, table, _place(grade, self.yaw), speed)
+            force_law(self.model, table, speed)(_place(grade, self.yaw))
             + self._force_margin(table, matrix, speed, grade)
             + margin
             for table, matrix in self._margins
@@ -257,7 +257,7 @@ class BrakeNumbers:
     def _force_line(self, table: Braking, grade: float, yaw: float) -> tuple[float, float]:
         """Slope [s/m] and intercept [1] of F_b/W over the onset speed, effects included."""
         slow, fast = table.speed_range
-        low, high = (force_ratio(self.cautious, table, _place(grade, yaw), v) for v in (slow, fast))
+        low, high = (force_law(self.cautious, table, v)(_place(grade, yaw)) for v in (slow, fast))
         slope = (high - low) / (fast - slow)
         return slope, low - slope * slow
 

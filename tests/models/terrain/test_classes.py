@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.models.stops.simulation import GroundTrack, force_ratio, simulate_stop
+from slopewise.models.stops.simulation import GroundTrack, force_law, simulate_stop
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.terrain.agreement import agreement, name_of
 from slopewise.models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses, by_rules
@@ -252,7 +252,7 @@ def test_less_certainty_never_brakes_better(
     place = {"grade": grade, "roll": 0.0, "x": 0.0, "y": 0.0, "yaw": 0.0}
     for name in ("", "ice", "sand"):
         was, precise_std, vague_std = (
-            force_ratio(m, m.braking.on(name), place, speed) for m in (before, precise, vague)
+            force_law(m, m.braking.on(name), speed)(place) for m in (before, precise, vague)
         )
         assert vague_std == precise_std <= was + 1e-12
         precise_force_std, vague_force_std = (
