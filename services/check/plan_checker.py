@@ -27,7 +27,6 @@ from slopewise.services.check.reported_columns import (
     check_columns,
     check_reported_stops,
     check_status,
-    tail_of_full_braking,
     verified_columns,
 )
 from slopewise.services.check.speed_claims import (
@@ -85,8 +84,7 @@ def check_plan_on_map(
         return _at_rest(plan)
     heights = averaged(heights, model.vehicle.wheel_radius)
     errors = input_errors(model.tracking, quantile if quantile > 0.5 else None)
-    tail = tail_of_full_braking(plan, model.limits.decel, heights.resolution)
-    beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0), tail)
+    beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0))
     line, sides = _line_and_sides(plan, beyond, model, errors)
     if quantile > 0.5:
         model = promised(model, quantile)
@@ -197,18 +195,15 @@ def _check_spacing(
     log.sparse.update(np.flatnonzero(steps > (1.0 + TOLERANCES["spacing"].value) * widest).tolist())
 
 
-def _tail_and_ends(plan: ExternalPlan, clear: float, tail: float) -> tuple[float, Floats]:
-    """Length behind the last row, and stations before which stops from rows have to end (N,).
-
-    ``tail``: of the path there, at least [m].
-    """
+def _tail_and_ends(plan: ExternalPlan, clear: float) -> tuple[float, Floats]:
+    """Length behind the last row, and stations before which stops from rows have to end (N,)."""
     steps = np.hypot(np.diff(plan.x), np.diff(plan.y))
     ends = np.full(len(plan.x), clear)
     if plan.clear_distance is not None:
         ends = np.minimum(ends, plan.clear_distance)
     beyond = 0.0
     if np.isfinite(ends).any():
-        beyond = max(min(float(steps[-1]), _MAX_TAIL), _MIN_TAIL, tail)
+        beyond = max(min(float(steps[-1]), _MAX_TAIL), _MIN_TAIL)
     # The end of a row, or that of the next: the nearer one.
     ends[:-1] = np.minimum(ends[:-1], ends[1:])
     return beyond, np.where(np.isfinite(ends), ends, 1e12)

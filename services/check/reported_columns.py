@@ -21,7 +21,6 @@ from slopewise.services.check.stop_ends import CheckedStops
 
 _NOTED = 0.1  # [m] longer reported stops are worth a note: ten times the tolerance of stations
 _UNEVEN = 0.025  # share of a stop that grades between rows change, most where brakes are weak
-_MAX_TAIL = 0.5  # [m] of path behind the rows of a fallback: beyond that it may bend
 _STATION, _STATION_SHARE = 0.01, 0.002  # [m], [1] of stations: heights between rows
 _TURNED = np.deg2rad(2.0)  # [rad] of slopes where a body trails: its first heading is assumed
 _MORE, _MORE_DISTANCE, _MORE_LOAD = 1.0, 0.5, 0.3  # [1], [m], [1] margins beyond the worst stop
@@ -117,18 +116,6 @@ def check_reported_stops(
             )
 
 
-def tail_of_full_braking(plan: ExternalPlan, decel: float, cell: float) -> float:
-    """Length of path that a fallback has behind its last row; 0 for other plans [m].
-
-    One that brakes fully, and rests before the next row, has that row moved back to where it
-    rests. Brakes may give less than the ``decel`` of a plan [m/s²]: more than half of that is full
-    braking. ``cell``: edge of a cell of the map [m].
-    """
-    speed, way = plan.speed[-2:], np.hypot(np.diff(plan.x[-2:]), np.diff(plan.y[-2:]))
-    brakes_fully = speed[-1] == 0.0 and bool(speed[0] ** 2 > decel * way[0])
-    return min(2.0 * cell, _MAX_TAIL) if plan.status == "degraded" and brakes_fully else 0.0
-
-
 def check_clear_distance(
     log: ViolationLog,
     drive: CheckedDrive,
@@ -151,8 +138,7 @@ def check_clear_distance(
     clear = plan.clear_distance
     station = ground.station[rows]
     # A plan that is blocked may end up to two rows, or a cell, before the clear distance does.
-    min_step = max(cell, tail_of_full_braking(plan, drive.field.model.limits.decel, cell))
-    step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), min_step)
+    step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), cell)
     allowed = _STATION + _STATION_SHARE * (station[-1] - station[0])
     first = min(
         float(np.where(blocked, ground.station, np.inf).min()),

@@ -91,11 +91,16 @@ def _numbers(table: Table, name: str) -> Floats:
 
 
 def driven(plan: SpeedPlan) -> dict[str, Any]:
-    """Columns of a plan up to its clear distance: nothing beyond it is driven."""
+    """Columns of a plan up to its clear distance: nothing beyond it is driven.
+
+    Full braking moves a row back to where it ends: a fallback has the row behind it as well.
+    """
     columns = plan.columns()
     if plan.status is Status.INFEASIBLE:
         return dict(columns)
     rows = max(int(np.count_nonzero(plan.station <= plan.clear_distance + _ROUNDING)), 1)
+    if plan.status is Status.DEGRADED:
+        rows += 1
     return {name: values[:rows] for name, values in columns.items()}
 
 

@@ -430,6 +430,16 @@ def test_with_nowhere_to_go_it_stays_or_brakes_fully(
     assert answer.command.stop == (speed > 0.0)
 
 
+@pytest.mark.parametrize("speed", [0.1, 0.25])
+def test_a_fallback_at_rest_at_once_has_rows_up_to_its_clear_distance(speed: float) -> None:
+    """Its second row is moved back to where it ends, the third is 1 cm beyond."""
+    paths, tables = batch([straight(8.0)], 0.25), tables_with()
+    drive = Drive(tables, plane(), paths, x=0.19, speed=speed, clear=0.74)
+    answer = drive.cycle()
+    assert answer.status is Status.DEGRADED
+    sound(drive, answer.chosen)
+
+
 def test_a_start_above_every_bound_brakes_and_says_so() -> None:
     drive = Drive(tables_with(), plane(y=WIDE), fan_of(5, 40.0), speed=6.0)
     answer = drive.cycle()
