@@ -27,20 +27,25 @@ _CHUNK = 2048  # cells that are worked on together: 10 MB of points
 
 
 def contact_height(
-    heights: ElevationMap, x: Floats, y: Floats, heading: Floats, vehicle: Vehicle
+    heights: ElevationMap, x: Floats, y: Floats, heading: Floats, vehicle: Vehicle, places: int = 1
 ) -> Floats:
-    """(M,) heights of wheels at points with headings [rad]; NaN where the surface is unknown."""
+    """(M,) heights of wheels at points with headings [rad]; NaN where the surface is unknown.
+
+    Tyres are set on ``places`` along each edge of a cell, and are linear between them: only from
+    two on is one in the middle of a gap an even number of cells wide.
+    """
     surface = height_of(heights, x, y)
     known = np.isfinite(surface)
     if heights.resolution > vehicle.wheel_radius or not known.any():
         return surface
-    rows, columns = heights.elevation.shape
-    u, v = in_cells(heights, x[known], y[known])
+    rows, columns = (places * (size - 1) + 1 for size in heights.elevation.shape)
+    u, v = (places * at for at in in_cells(heights, x[known], y[known]))
     i, j = np.minimum(v.astype(np.int64), rows - 2), np.minimum(u.astype(np.int64), columns - 2)
     turn = np.rint(heading[known] * (_HEADINGS / np.pi)).astype(np.int64) % _HEADINGS
     cells = [(i + up) * columns + j + right for up in (0, 1) for right in (0, 1)]
     used, which = np.unique(np.array(cells) * _HEADINGS + turn, return_inverse=True)
-    at_rest = _at_cells(heights, used // _HEADINGS, used % _HEADINGS, vehicle)
+    at, turns = np.divmod(used, _HEADINGS)
+    at_rest = _at_places(heights, np.array(np.divmod(at, columns)), turns, places, vehicle)
     south_west, south_east, north_west, north_east = at_rest[which.reshape(4, -1)]
     p, q = u - j, v - i
     out = surface.copy()
@@ -50,43 +55,56 @@ def contact_height(
     return out
 
 
-def _at_cells(heights: ElevationMap, cells: Ints, turn: Ints, vehicle: Vehicle) -> Floats:
-    """(K,) heights of tyres in the middle of known cells, with one of the headings each [m]."""
-    columns, radius, edge = heights.elevation.shape[1], vehicle.wheel_radius, heights.resolution
+def _at_places(
+    heights: ElevationMap, place: Ints, turn: Ints, places: int, vehicle: Vehicle
+) -> Floats:
+    """(K,) heights of tyres at (2, K) rows and columns of places, with one of the headings [m]."""
+    radius, edge = vehicle.wheel_radius, heights.resolution
     half_length = math.sqrt(radius**2 - max(radius - vehicle.shape.max_step, 0.0) ** 2)
     # Between cells a tyre is as much as a cell wider than in the middle of one.
     half_width = max(0.5 * (vehicle.shape.wheel_width - edge), 0.0)
-    highest = np.empty(len(cells))
-    for heading in range(_HEADINGS):
-        (those,) = np.nonzero(turn == heading)
-        s, up, right = _touched(half_length, half_width, edge, heading)
+    highest = np.empty(len(turn))
+    cell, beyond = np.divmod(place, places)
+    kinds = np.vstack((turn, beyond))
+    for kind in np.unique(kinds, axis=1).T:
+        (those,) = np.nonzero((kinds == kind[:, None]).all(axis=0))
+        s, up, right = _touched(half_length, half_width, edge, places, *kind.tolist())
         drop = radius - np.sqrt(radius**2 - s**2)
         for first in range(0, len(those), _CHUNK):
             part = those[first : first + _CHUNK]
-            row, column = cells[part, None] // columns + up, cells[part, None] % columns + right
+            row, column = cell[0, part, None] + up, cell[1, part, None] + right
             under = np.nan_to_num(_facet_height(heights.elevation, row, column), nan=-np.inf)
             highest[part] = (under - drop).max(axis=1)
     return highest
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=1024)
 def _touched(
-    half_length: float, half_width: float, edge: float, heading: int
+    half_length: float,
+    half_width: float,
+    edge: float,
+    places: int,
+    heading: int,
+    up: int,
+    right: int,
 ) -> tuple[Floats, Floats, Floats]:
     """Of each cell under a tyre its point nearest to the axle, (P,) each.
 
+    The tyre is ``up`` and ``right`` places from the middle of a cell.
+
     Returns:
-        Distances along the tyre [m]; rows and columns from the cell in its middle [cells].
+        Distances along the tyre [m]; rows and columns from that cell [cells].
     """
     angle = math.pi * heading / _HEADINGS
     along = np.array([math.cos(angle), math.sin(angle)])
     axes = np.array([along, [-along[1], along[0]]])
     sides = np.maximum(np.array([half_length, half_width]) - _GRAZED, _GRAZED)
-    reach = math.ceil(float(np.hypot(*sides)) / edge + 0.5)
+    reach = math.ceil(float(np.hypot(*sides)) / edge + 1.5)
+    place = np.array([right, up]) / places
     points = []
     for row in range(-reach, reach + 1):
         for column in range(-reach, reach + 1):
-            middle = edge * np.array([column, row])
+            middle = edge * (np.array([column, row]) - place)
             around = _overlap(middle, edge, axes, -sides, sides)
             if len(around) == 0:
                 continue

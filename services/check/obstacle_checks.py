@@ -26,6 +26,7 @@ _NOTHING = -np.inf
 _FINEST = 0.05  # [m] between points below the body
 _PARTS = 4  # of the length over which a step rises
 _HALF, _QUARTER = _PARTS // 2, 0.25  # of these, and of a rise: an edge is as sharp as cells
+_PLACES = (1, 2)  # along each edge of a cell where tyres are set on gaps: the deeper one counts
 _CLIMB = 1.5  # of the distance over which a tyre climbs a step [1]: places are sampled
 
 
@@ -153,9 +154,19 @@ def _climb_across(
     wider = np.concatenate((across[0] - beyond[::-1], across, across[-1] + beyond))
     x, y = points_of(body.pose, wheel[0], wheel[1] + wider)
     heading = np.broadcast_to(body.heading, x.shape)
-    at_rest = contact_height(heights, x.ravel(), y.ravel(), heading.ravel(), vehicle)
-    highest = [_largest_climb(z, window, vehicle) for z in at_rest.reshape(x.shape).T]
-    return np.array(highest).T[more:-more]
+    return _climb_along(heights, x, y, heading, vehicle)[more:-more]
+
+
+def _climb_along(
+    heights: ElevationMap, x: Floats, y: Floats, heading: Floats, vehicle: Vehicle
+) -> Floats:
+    """(S, M) largest climb of tyres along M lines, at points a part of a window apart [m]."""
+    window, highest = step_length(heights, vehicle), np.zeros(x.shape)
+    for places in _PLACES:
+        at_rest = contact_height(heights, x.ravel(), y.ravel(), heading.ravel(), vehicle, places)
+        climb = [_largest_climb(z, window, vehicle) for z in at_rest.reshape(x.shape).T]
+        np.maximum(highest, np.transpose(climb), out=highest)
+    return highest
 
 
 def step_length(heights: ElevationMap, vehicle: Vehicle) -> float:
@@ -195,8 +206,9 @@ def _steps(
     step = np.abs(_rises(height_of(heights, *places)))
     first = _PARTS + np.arange(len(step))
     if step.max(initial=0.0) > vehicle.shape.max_step:
-        at_rest = contact_height(heights, *places, np.interp(s, along, heading), vehicle)
-        np.minimum(step, _largest_climb(at_rest, window, vehicle)[first], out=step)
+        east, north, turned = (at[:, None] for at in (*places, np.interp(s, along, heading)))
+        climb = _climb_along(heights, east, north, turned, vehicle)
+        np.minimum(step, climb[first, 0], out=step)
     middle = s[first] + 0.5 * window
     sample = np.clip(np.searchsorted(along, middle, "right") - 1, 0, len(along) - 1)
     np.maximum.at(highest, sample, step)
