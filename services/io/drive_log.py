@@ -37,6 +37,7 @@ _NO_COMMAND = (
     "a stop is where v_cmd goes to 0 while the vehicle rolls; coast-downs, without a command, "
     "carry no information about the brakes"
 )
+_OTHER_NAMES = f"other names and units: {OPTION} 't=time,v=speed:km/h'"
 _MAX_ANGLE = {"pitch": math.pi / 2, "roll": math.pi}
 """Angles beyond are in degrees [rad]: no attitude is larger."""
 
@@ -136,7 +137,9 @@ def _missing(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[Any]:
 
 
 def _columns_of(table: Table) -> tuple[dict[str, NDArray[Any]], list[slice]]:
-    table.require(_needed(table), "" if "v_cmd" in table.columns else _NO_COMMAND)
+    hints = [] if is_bag(Path(table.source)) else [_OTHER_NAMES]
+    hints += [] if "v_cmd" in table.columns else [_NO_COMMAND]
+    table.require(_needed(table), "; ".join(hints))
     columns: dict[str, NDArray[Any]] = {}
     if "run" not in table.columns:
         columns["run"] = np.full(len(table.rows), Path(table.source).stem)

@@ -8,6 +8,7 @@ import os
 import re
 import secrets
 import tomllib
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -85,10 +86,13 @@ def check_file(path: Path) -> None:
 def read_text(path: Path) -> str:
     """A whole UTF-8 file; line ends stay unchanged."""
     check_file(path)
+    content = b""
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        content = path.read_bytes()
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise fault(path, f"byte {error.start}", "expected UTF-8 text, got other bytes") from None
+        got = "UTF-16" if content[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "other bytes"
+        raise fault(path, f"byte {error.start}", f"expected UTF-8 text, got {got}") from None
     except (OSError, MemoryError) as error:
         raise fault(path, "", f"expected a readable file, got: {reason(error)}") from None
 

@@ -85,6 +85,8 @@ def check_paths_on_map(
         got = f"got x {x:.10g}, y {y:.10g}"
         if np.all(np.abs(path.points) <= (180.0, 90.0)) and max(map(abs, extent)) > 180.0:
             got += "; that looks like degrees, map coordinates are in metres"
+        elif x_min <= y <= x_max and y_min <= x <= y_max:
+            got += "; are x and y in each other's column?"
         raise fault(source, f"candidate {path.name}, point 1", f"{expected}, {got}")
 
 

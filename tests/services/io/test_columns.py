@@ -123,7 +123,8 @@ def test_all_missing_columns_at_once(tmp_path: Path) -> None:
     fields = "column v, column v_cmd, column pitch"
     message = "missing columns, got the header t,speed,Pitch; is pitch Pitch?"
     stop = "a stop is where v_cmd goes to 0 while the vehicle rolls; coast-downs, without a command"
-    with fault_in(tmp_path / "log.csv", fields, message, stop):
+    option = "; other names and units: --columns 't=time,v=speed:km/h'; "
+    with fault_in(tmp_path / "log.csv", fields, message, option, stop):
         read(tmp_path, "", "t,speed,Pitch\n0,1,0\n")
 
 

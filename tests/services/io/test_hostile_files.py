@@ -52,6 +52,7 @@ CASES = [(kind, *case) for kind in READERS for case in bad_inputs(kind)]
         ("model_text", b"name = \x00", "line 1, column 8", "expected TOML"),
         ("model_text", "a = " + "[" * 5000, "", "expected TOML"),
         ("paths", b"x,y\n\xff\xff", "byte 4", "UTF-8"),
+        ("paths", "x,y\n0,0\n".encode("utf-16"), "byte 0", "expected UTF-8 text, got UTF-16"),
         ("paths", b"\x89PNG\r\n\x1a\n\x00\x00", "byte 0", "UTF-8"),
         ("geojson", "[" * 100_000, "", "expected JSON"),
     ],

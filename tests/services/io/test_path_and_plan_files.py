@@ -150,6 +150,12 @@ def test_degrees_are_recognised() -> None:
     assert "degrees" not in str(caught.value)
 
 
+def test_swapped_coordinates_are_asked_for() -> None:
+    swapped = CandidatePath("a", np.array([[5150700.0, 429400.0], [5150700.0, 429410.0]]))
+    with fault_in("p.csv", "candidate a, point 1", "; are x and y in each other's column?"):
+        check_paths_on_map([swapped], EXTENT, "p.csv", "m.tif")
+
+
 def test_a_path_off_a_real_map() -> None:
     source = real_data("dem/giswqs_dem.tif")
     info = map_info(source)
