@@ -113,6 +113,8 @@ class ElevationMap:
 
 def _whole_numbers(classes: Ints) -> Ints:
     """A copy of indices of classes (rows, cols)."""
+    if np.ma.is_masked(classes):
+        raise ParameterError("terrain_class", "a class in every cell, got masked ones")
     given = np.asarray(classes)
     if given.dtype.kind not in "biu":
         given = given.astype(np.float64)
@@ -122,13 +124,13 @@ def _whole_numbers(classes: Ints) -> Ints:
 
 
 def _known_heights(heights: Floats) -> Floats:
-    """A copy of heights (rows, cols) with NaN for infinite ones [m]."""
+    """A copy of heights (rows, cols) with NaN for infinite and masked ones [m]."""
     elevation = np.array(heights, dtype=np.float64, order="C")
     if elevation.ndim != 2 or min(elevation.shape) < _MIN_CELL_COUNT:
         raise ParameterError(
             "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
         )
-    elevation[np.isinf(elevation)] = np.nan
+    elevation[np.isinf(elevation) | np.ma.getmask(heights)] = np.nan
     if np.isnan(elevation).all():
         raise ParameterError("elevation", "at least one known cell, all are unknown")
     largest = max(np.fmax.reduce(elevation, axis=None), -np.fmin.reduce(elevation, axis=None))

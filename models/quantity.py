@@ -18,6 +18,9 @@ from slopewise.models.errors import ParameterError
 GRAVITY = 9.80665
 """Standard gravity g [m/s²]."""
 
+MAX_SPEED = 1e3
+"""Speed beyond that of any vehicle [m/s]."""
+
 STEEPEST = 0.5 * math.pi
 """Slope of a wall [rad]: no grade or roll is beyond."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import MAX_SPEED, quantity, validate_quantities
 from slopewise.models.typed_arguments import check_fields
 from slopewise.planner.plan import SpeedPlan, Status
 
@@ -90,6 +90,8 @@ class PlanarState:
                 return f"state.{name} is {getattr(self, name)}"
         if self.age < 0.0:
             return f"state.age is {self.age:g} s, in the future"
+        if self.speed > MAX_SPEED:
+            return f"state.speed is {self.speed:g} m/s, which no vehicle has"
         return f"state.speed is {self.speed:g} m/s, backwards" if self.speed < -0.05 else ""
 
 

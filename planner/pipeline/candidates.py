@@ -16,6 +16,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.quantity import MAX_SPEED
 from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
@@ -75,8 +76,9 @@ class CandidatePlanner:
         Raises:
             ParameterError: names the candidate and what is wrong with its path.
         """
-        if not (np.isfinite(start_speed) and start_speed >= 0.0):
-            raise ParameterError("speed", f"a finite start speed >= 0 [m/s], got {start_speed}")
+        if not 0.0 <= start_speed <= MAX_SPEED:
+            expected = f"a finite start speed >= 0 and <= {MAX_SPEED:g} [m/s], got {start_speed}"
+            raise ParameterError("speed", expected)
         if not np.all(np.asarray(clear) >= 0.0):
             raise ParameterError("clear", f"a distance >= 0 [m], got {clear}")
         free = behind_the_front(clear, self.model, len(paths))

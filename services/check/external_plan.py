@@ -11,6 +11,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import MAX_SPEED
 from slopewise.models.typed_arguments import check_fields
 
 TEXT = ("limiting", "status", "reason")
@@ -18,9 +19,6 @@ TEXT = ("limiting", "status", "reason")
 
 NEEDED = ("x", "y", "speed")
 _SAME = 1e-6  # [m] rows closer than that are one place: rounding of coordinates of 1000 km
-
-MAX_SPEED = 1e3
-"""Speed beyond that of any vehicle [m/s]."""
 
 _MAX_NUMBER = 1e9
 """Size beyond that of any column in SI units: squares of such numbers are exact enough."""

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.quantity import MAX_SPEED
 from slopewise.models.recent import Recent
 from slopewise.models.typed_arguments import typed_arguments
 from slopewise.services.guard.arc_limits import TOO_FAST, arc_limits, point_speed, rim_speed
@@ -29,8 +30,6 @@ from slopewise.services.guard.speed_search import (
     try_speeds,
 )
 from slopewise.services.guard.stop_courses import Course, Pose2d
-
-_MAX_SPEED = 1e3  # beyond that of any vehicle [m/s]
 
 
 class VehicleMotion(NamedTuple):
@@ -89,7 +88,7 @@ def decide(
     if not all(map(math.isfinite, given)):
         return stop("command or odometry contains a value that is not finite")
     fastest = max(motion.speed, reached, key=abs)
-    if abs(fastest) > _MAX_SPEED:
+    if abs(fastest) > MAX_SPEED:
         return stop(f"odometry has a speed of {fastest:.3g} m/s, which no vehicle has")
     turning = max(abs(rate) for rate in (motion.yaw_rate, *(c.yaw_rate for c in before[:1])))
     share, yaw_share, reason = arc_limits(scene.model, command, abs(fastest), turning)

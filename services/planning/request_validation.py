@@ -14,6 +14,7 @@ import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.quantity import MAX_SPEED
 from slopewise.planner.followed_line import LineLimits
 from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.horizon.path_projection import locate
@@ -27,8 +28,6 @@ _MIN_POINTS = 3  # fewest points of a path [1]: curvature needs three
 
 _MAX_COORDINATE = 1e9
 """Largest coordinate [m]: beyond it float64 resolves less than 0.1 µm, and UTM ends at 1e7."""
-
-_MAX_SPEED = 1e3  # largest speed of a vehicle in a request [m/s]: beyond it the unit is wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +58,7 @@ def validate_request(request: PlanRequest, sizes: SizeLimits, key: str) -> None:
     for is_met, field, expected in (
         (count <= sizes.candidates, "paths", f"at most {sizes.candidates} candidates, got {count}"),
         (pose or not client, "pose", "x, y, heading of a named client, got none"),
-        (abs(speed) <= _MAX_SPEED, "speed", f"at most {_MAX_SPEED:g} m/s, got {speed:g} m/s"),
+        (abs(speed) <= MAX_SPEED, "speed", f"at most {MAX_SPEED:g} m/s, got {speed:g} m/s"),
         (in_range, "pose", f"coordinates of at most {_MAX_COORDINATE:g} m"),
         (client or speed >= 0.0, "speed", f"a speed >= 0 without a client, got {speed:g} m/s"),
     ):

@@ -157,6 +157,19 @@ def test_what_is_missing_or_unknown_is_python_s_own_error() -> None:
         typed_arguments(lambda: None)(colour=1)
 
 
+def test_masked_heights_are_unknown() -> None:
+    heights = np.ma.masked_less(np.array([[-9999.0, 1.0], [2.0, 3.0]]), 0.0)
+    ground = slopewise.ElevationMap(elevation=heights, resolution=1.0, origin=(0.0, 0.0))
+    np.testing.assert_array_equal(ground.elevation, [[np.nan, 1.0], [2.0, 3.0]])
+    with pytest.raises(slopewise.SlopewiseError, match="a class in every cell, got masked ones"):
+        replace(ground, terrain_class=np.ma.masked_equal([[0, 0], [0, 255]], 255))
+
+
+def test_a_speed_of_no_vehicle_is_refused() -> None:
+    with pytest.raises(slopewise.SlopewiseError, match=r">= 0 and <= 1000 \[m/s\], got 1e\+200"):
+        slopewise.plan(MODEL, GROUND, [PATH], start_speed=1e200)
+
+
 def test_classes_are_whole_numbers() -> None:
     for wrong in ([[0.5, 0.0], [0.0, 0.0]], [[np.nan, 0.0], [0.0, 0.0]]):
         with pytest.raises(slopewise.SlopewiseError, match="terrain_class: expected whole numbers"):

@@ -378,6 +378,7 @@ def moving() -> Drive:
         ("heading", np.nan, "state.heading"),
         ("speed", np.inf, "state.speed"),
         ("speed", -0.5, "backwards"),
+        ("speed", 1e200, "no vehicle has"),
     ],
 )
 def test_an_impossible_state_is_answered_with_full_braking(
