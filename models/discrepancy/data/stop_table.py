@@ -72,10 +72,8 @@ class StopTable(StopGround):
         sample: time between samples [s]. onset: of the brakes, as calibration finds it [s].
         force: (S,) F_b/W as each stop shows individually.
         further: other numeric columns, mean over each stop, (S,) by name.
-        warmed: per stop, (seconds before it, energy) of stops that warmed its brakes; in place of
-            all others, for stops that were not driven.
-        cooled: (clock, energy) of stops that are not in the table: they heat the brakes, too
-            [s], [J/kg].
+        warmed: (S, 2, E) of all stops that heated the brakes: seconds from their end to the
+            command, infinite where they came later, and energy per mass [J/kg].
     """
 
     time: Floats
@@ -97,8 +95,7 @@ class StopTable(StopGround):
     sample: float
     onset: float
     further: Mapping[str, Floats]
-    cooled: tuple[tuple[float, float], ...] = ()
-    warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
+    warmed: Floats
 
     @property
     def session_time(self) -> Floats:
@@ -115,24 +112,16 @@ class StopTable(StopGround):
         return len(self.held)
 
     def take(self, rows: Sequence[int] | Ints | Bools) -> StopTable:
-        """The stops of ``rows``: indices, or (S,) whether to take each.
-
-        All other stops continue to heat the brakes only through their clocks.
-        """
+        """The stops of ``rows``: indices, or (S,) whether to take each."""
         index = np.arange(len(self))[np.asarray(rows)]
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         arrays = {name: v[index] for name, v in values.items() if isinstance(v, np.ndarray)}
-        left = np.setdiff1d(np.arange(len(self)), index)
-        # On a slope the ground brakes, too, or pushes.
-        energy = 0.5 * self.held**2 * np.maximum(self.force / self.pull, 0.0)
-        heat = [(float(self.clock[i]), float(energy[i])) for i in left]
         return replace(
             self,
             **arrays,
             run_names=tuple(self.run_names[i] for i in index),
             terrain=tuple(self.terrain[i] for i in index),
             further={name: values[index] for name, values in self.further.items()},
-            cooled=tuple(sorted((*self.cooled, *heat))),
         )
 
 
@@ -157,8 +146,7 @@ def tabulate(
     }
     starts = [run.start for run in runs]
     windows = [r.samples.window for r in records]
-    heat = [(float(columns["t"][w.command]), 0.5 * w.held_speed**2) for w in excluded]
-    return StopTable(
+    table = StopTable(
         **grid,
         **bins,
         logged=logged,
@@ -175,8 +163,20 @@ def tabulate(
         sample=float(np.median([np.median(np.diff(r.samples.time)) for r in records])),
         onset=dead_time.value,
         further=_further(columns, windows),
-        cooled=tuple(sorted(heat)),
+        warmed=np.empty((len(records), 2, 0)),
     )
+    return replace(table, warmed=_warmed(table, columns["t"], excluded))
+
+
+def _warmed(table: StopTable, clock: NDArray[Any], excluded: Sequence[StopWindow]) -> Floats:
+    """(S, 2, E) seconds since each stop of the log, and its energy, as the table has them."""
+    # On a slope the ground brakes, too, or pushes.
+    energy = 0.5 * table.held**2 * np.maximum(table.force / table.pull, 0.0)
+    energy = np.append(energy, [0.5 * w.held_speed**2 for w in excluded])
+    end = np.append(table.clock + table.standstill_time, [clock[w.standstill] for w in excluded])
+    ago = table.clock[:, None] - end
+    ago[ago < 0.0] = np.inf
+    return np.stack(np.broadcast_arrays(ago, energy), axis=1)
 
 
 def _further(

@@ -114,29 +114,7 @@ def heat(table: StopTable, tau: float, speed: Floats, time: Floats, onset: float
     within = np.zeros_like(power)
     np.cumsum(0.5 * (driven[:, 1:] + driven[:, :-1]) * step, axis=1, out=within[:, 1:])
     within /= factor
-    before = _heat_before(table, tau, time[:, -1], within[:, -1])
-    return before[:, None] * np.exp(-np.maximum(time, 0.0) / tau) + within
-
-
-def _heat_before(table: StopTable, tau: float, end: Floats, within: Floats) -> Floats:
-    """(S,) heat at each stop command by the stops before it [J/kg].
-
-    Args:
-        end: (S,) of each stop since its command [s]. within: (S,) heat that it brings itself.
-    """
-    if table.warmed is not None:
-        return np.array([sum(e * math.exp(-ago / tau) for ago, e in w) for w in table.warmed])
-    events = [(float(c), i) for i, c in enumerate(table.clock)]
-    events += [(clock, -1 - j) for j, (clock, _) in enumerate(table.cooled)]
-    before = np.zeros(len(table))
-    q, since = 0.0, -math.inf
-    for clock, i in sorted(events):
-        q *= math.exp(-min(max(clock - since, 0.0) / tau, 700.0))
-        since = clock
-        if i < 0:
-            q += table.cooled[-1 - i][1]
-            continue
-        before[i] = q
-        rest = max(float(end[i]), 0.0)
-        q, since = q * math.exp(-rest / tau) + float(within[i]), clock + rest
-    return before
+    ago, energy = table.warmed[:, 0], table.warmed[:, 1]
+    before = np.sum(energy * np.exp(-ago / tau), axis=1)
+    total: Floats = before[:, None] * np.exp(-np.maximum(time, 0.0) / tau) + within
+    return total

@@ -242,13 +242,9 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
         own: Floats = np.array([getattr(p, name) or 0.0 for p in plans])[:, None] * one
         return own
 
-    clock = float(table.clock.max()) + pauses
-    warmed = tuple(
-        tuple((float(pause) * (k + 1), 0.5 * float(v) ** 2) for k in range(_STOPS))
-        if pause <= _PAUSES[0]
-        else ()
-        for pause, v in zip(pauses, speed, strict=True)
-    )
+    # Brakes are warm only where one stop follows another immediately.
+    ago = np.where(pauses <= _PAUSES[0], pauses, np.inf)[:, None] * np.arange(1, _STOPS + 1)
+    energy = np.repeat(0.5 * speed[:, None] ** 2, _STOPS, axis=1)
     return replace(
         table,
         time=time,
@@ -265,7 +261,7 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
         binned=np.zeros((len(plans), count)),
         spread=np.full((len(plans), count), spread),
         held=speed,
-        clock=clock,
+        clock=float(table.clock.max()) + pauses,
         run=np.full(len(plans), int(table.run.max()) + 1),
         session=np.zeros(len(plans), np.int64),
         run_names=("",) * len(plans),
@@ -274,8 +270,7 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
         standstill_time=end,
         force=pull / GRAVITY - np.sin(grade),
         further={},
-        cooled=(),
-        warmed=warmed,
+        warmed=np.stack((ago, energy), axis=1),
     )
 
 

@@ -88,7 +88,7 @@ FADE = Effect(name="brake_fade", parameters={"k": 0.03, "tau": 60.0})
 
 
 def test_brakes_fade_as_by_an_integrator_within_a_stop() -> None:
-    stops = replace(table("clean"), warmed=((),) * len(table("clean")))
+    stops = replace(table("clean"), warmed=np.empty((len(table("clean")), 2, 0)))
     hypothesis = replace(BASIS, added=(FADE,))
     demanded = demanded_force(stops, hypothesis, stops)
     k, tau = FADE.parameters["k"], FADE.parameters["tau"]
