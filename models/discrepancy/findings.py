@@ -93,8 +93,6 @@ class Gap:
         refit: with the base refitted. after: with the finding. noise_floor: with a perfect model.
         closed: share of `before` above the floor that is gone, None where `before` is less than
             one and a half times the floor. ci95: its interval, None with it.
-        worse: by how many standard errors the mean square is larger with what was found than with
-            the base refitted; negative where it is smaller.
     """
 
     metric: str
@@ -105,7 +103,6 @@ class Gap:
     noise_floor: float
     closed: float | None
     ci95: tuple[float, float] | None
-    worse: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

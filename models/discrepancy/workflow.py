@@ -19,7 +19,7 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import Gaps, distance_floor
 from slopewise.models.discrepancy.decide.no_harm import held_to_account
 from slopewise.models.discrepancy.decide.revised import revised
-from slopewise.models.discrepancy.decide.verdict import Decision, decide
+from slopewise.models.discrepancy.decide.verdict import decide
 from slopewise.models.discrepancy.findings import Findings
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.answer import answered, likely
@@ -84,14 +84,9 @@ def investigate(
         base = refitted(answer.calm)
         located = residual_axes(answer.calm.fit.trace, base)
         seen = resolvable(answer.calm.fit, answer.calm.at, book)
-
-        def decided(contradicted: Sequence[frozenset[str]]) -> Decision:
-            given = answered(explanations, contradicted) if contradicted else answer
-            return decide(table, base, given, located, seen, settings)
-
-        decision = decided(())
+        decision = decide(table, base, answer, located, seen, settings)
         noise = decision.explanation.whitener
-        decision, gaps = held_to_account(table, base, decision, located, seen, settings, decided)
+        decision, gaps = held_to_account(table, base, decision, located, seen, settings)
         better, added = revised(table, decision, gaps.held_out, source)
         above = gaps.speed.refit**2 - gaps.speed.noise_floor**2
         findings = Findings(

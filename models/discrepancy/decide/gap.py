@@ -70,9 +70,9 @@ class Gaps:
 
     @property
     def harmful(self) -> bool:
-        """The finding predicts stops worse than new coefficients do, or than those configured."""
+        """The finding predicts stops worse than as configured, or speeds than new coefficients."""
         larger = any(g.after > LARGER * g.before for g in (self.speed, self.distance))
-        return larger or max(self.speed.worse, self.distance.worse) > 1.0
+        return larger or self.speed.after > LARGER * self.speed.refit
 
 
 def compared(
@@ -134,10 +134,7 @@ def _gap(metric: str, unit: str, squares: Floats, draws: Ints) -> Gap:
     """
     b, r, a, f = np.sqrt(squares.mean(axis=1))
     f = min(f, b, r, a)  # no model that is here already is better than a perfect one
-    more = squares[2] - squares[1]
-    error = float(np.std(more, ddof=1) / np.sqrt(len(more)))
-    worse = float(np.mean(more)) / error if error > 0.0 else 0.0
-    gap = Gap(metric, unit, float(b), float(r), float(a), float(f), None, None, worse)
+    gap = Gap(metric, unit, float(b), float(r), float(a), float(f), None, None)
     if not b > _CLAIM_ABOVE * f:
         return gap
     resampled = np.sqrt(squares[:, draws].mean(axis=2))

@@ -74,8 +74,8 @@ def decide(
     # A wind along the only heading is a change of coefficients, one across it is not.
     is_hidden = any(c.first in seen.hidden for c in answer.leader.fit.chosen if c.named)
     match answer.verdict:
-        case Verdict.MISSING_EFFECT if is_hidden and not _beats_drift(answer):
-            return drifted(nothing, seen)
+        case Verdict.MISSING_EFFECT if is_hidden:
+            return nothing
         case Verdict.MISSING_EFFECT | Verdict.AMBIGUOUS if answer.leader.names:
             return _named(table, answer, nothing, settings)
         case Verdict.UNKNOWN:
@@ -83,15 +83,6 @@ def decide(
             return replace(nothing, verdict=Verdict.UNKNOWN, axis=along or mainly_along(located))
         case _:
             return nothing
-
-
-def _beats_drift(answer: Answer) -> bool:
-    """Names outweigh none where coefficients have changed in either case."""
-    name, none = (
-        e.fit.evidence[e.at] + np.log(max(e.fit.solutions[e.at].changed, 1e-300))
-        for e in (answer.leader, answer.calm)
-    )
-    return bool(prior.TEMPER * (name - none) + np.log(prior.NAME) > 0.0)
 
 
 def drifted(nothing: Decision, seen: Resolvable) -> Decision:
@@ -120,10 +111,8 @@ def _named(
     ends, min_change = distances(table, fit.hypothesis), practical_lengths(table.distance, settings)
     named, small = [], []
     for i, effect in enumerate(added):
-        # All brakes have a short build-up, despite the weights of a linear model.
-        lags = LAG in answer.leader.names and effect.parameters.get("tau", 0.0) > 0.5 * prior.LAG[0]
-        if effect.name == LAG and not lags:
-            continue
+        if effect.name == LAG and LAG not in answer.leader.names:
+            continue  # the short build-up that all brakes have
         rest = replace(fit.hypothesis, added=(*added[:i], *added[i + 1 :]))
         change = np.abs(ends - distances(table, rest))
         if effect.name == LAG or np.sort(change / min_change)[-CHANGED_STOPS] >= 1.0:

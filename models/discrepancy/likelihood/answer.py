@@ -8,16 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.discrepancy.findings import LikelyExplanation, Verdict
-from slopewise.models.discrepancy.likelihood.prior import ONSET_FORCE, RULED_OUT, SLAB, WAVE
-from slopewise.models.discrepancy.likelihood.weigh import LAG, Explanation
+from slopewise.models.discrepancy.likelihood.prior import RULED_OUT, SLAB, WAVE
+from slopewise.models.discrepancy.likelihood.weigh import Explanation
 
 _ANSWERED = 0.5  # probability from which an answer is given, else `ambiguous` [1]
-_COMPANION = 0.7
-"""Probability from which a second name stands next to the first, and share of the weight of causes
-without a name from which one name next to them spoils their axis [1]."""
-_UNSOLVED = 0.08  # force left at the onset from which its shape is not understood [1]
-
-_CALM, _NAMED, _UNKNOWN, _MIXED = "calm", "named", "unknown", "mixed"
+_COMPANION = 0.7  # probability from which a second name stands next to the first [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,40 +37,37 @@ class Answer:
     alternatives: tuple[Explanation, ...] = ()
 
 
-def answered(known: Sequence[Explanation], without: Sequence[frozenset[str]] = ()) -> Answer:
-    """The answer that weights give, of explanations that hold none of these sets of names."""
-    every = [e for e in known if not any(e.names >= names for names in without)]
+def answered(every: Sequence[Explanation]) -> Answer:
+    """The answer that weights give."""
     calm = next(e for e in every if not e.names and not e.axes)
     if calm.fit.noise[WAVE] > SLAB:  # in each stop, as much as an effect: speeds are no speeds
         return Answer(Verdict.UNKNOWN, calm, calm, "", 1.0, {})
-    solved = bool(calm.fit.noise[ONSET_FORCE] < _UNSOLVED)
     share = _shares(every)
-    each = [(_kind(e, solved=solved), e, s) for e, s in zip(every, share, strict=True)]
-    kinds = _summed((kind, s) for kind, _, s in each)
-    axes = _summed((a, s) for _, e, s in each for a in e.axes)
-    of_names = _summed((n, s) for kind, e, s in each if kind == _NAMED for n in e.names)
+    each = list(zip(every, share, strict=True))
+    axes = _summed((a, s) for e, s in each for a in e.axes)
     axis = max(axes, key=lambda a: axes[a], default="")
-    along = kinds.get(_UNKNOWN, 0.0) + kinds.get(_MIXED, 0.0)
-    company = _summed((n, s) for _, e, s in each if e.axes for n in e.names)
-    spoiled = max(company.values(), default=0.0) >= _COMPANION * along
-    if axis and along >= _ANSWERED and not spoiled:
+    # A name next to a cause without one is not certain to be what it seems.
+    of_names = _summed((n, s) for e, s in each if not e.axes for n in e.names)
+    along = sum(s for e, s in each if e.axes)
+    none = sum(s for e, s in each if not e.axes and not e.names)
+    if along >= _ANSWERED:
         leader = next(e for e in every if e.axes)
         return Answer(Verdict.UNKNOWN, leader, calm, axis, along, of_names)
-    if kinds.get(_CALM, 0.0) >= _ANSWERED:
-        return Answer(Verdict.NONE, calm, calm, axis, kinds[_CALM], of_names)
+    if none >= _ANSWERED:
+        return Answer(Verdict.NONE, calm, calm, axis, none, of_names)
+    named = [e for e in every if e.names and not e.axes]
     first = max(of_names, key=lambda n: of_names[n], default="")
     if of_names.get(first, 0.0) >= _ANSWERED:
-        leader = _with([e for kind, e, _ in each if kind == _NAMED], first, of_names)
+        leader = _with(named, first, of_names)
         alternatives = _alternatives(every, leader)
         return Answer(
             Verdict.MISSING_EFFECT, leader, calm, axis, of_names[first], of_names, alternatives
         )
-    named = [e for e in every if e.names and not e.axes]
     near = every[0].log_weight + np.log(RULED_OUT)
     if axis and (not named or named[0].log_weight < near):
         return Answer(Verdict.UNKNOWN, every[0], calm, axis, along, of_names)
     leader = named[0] if named else every[0]
-    of_all = _summed((n, s) for _, e, s in each for n in e.names)
+    of_all = _summed((n, s) for e, s in each for n in e.names)
     alternatives = _alternatives(every, leader)
     return Answer(Verdict.AMBIGUOUS, leader, calm, axis, max(share), of_all, alternatives)
 
@@ -102,16 +94,6 @@ def _with(named: Sequence[Explanation], first: str, of_names: Mapping[str, float
     holding = [e for e in named if first in e.names]
     sure = {n for n in holding[0].names if n == first or of_names[n] >= _COMPANION}
     return next((e for e in holding if e.names == sure), holding[0])
-
-
-def _kind(e: Explanation, *, solved: bool) -> str:
-    """Kind of answer that an explanation is; `solved`: the onset has a known shape."""
-    if e.axes:
-        return _MIXED if e.names else _UNKNOWN
-    if not e.names:
-        return _CALM
-    # A lag is the shape of the onset: it has no name where that shape is not solved.
-    return _NAMED if solved or LAG not in e.names else _MIXED
 
 
 def _shares(every: Iterable[Explanation]) -> list[float]:

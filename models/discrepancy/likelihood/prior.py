@@ -32,7 +32,6 @@ LAG = (0.1, 0.8)
 Next to an equally long dead time, a lag τ shortens stops by a τ²/2: by 2 cm at 0.1 s and 4 m/s².
 """
 SLOW = 0.1, 0.004  # share of brakes with any build-up from this [s] to a lag [1]
-DEAD_TIME = 0.15  # deviation from the model file [s]
 
 SLAB = 0.12  # rms force of an effect, share of the force [1]
 NAME = 0.08  # odds of a name against none [1]
@@ -80,19 +79,13 @@ def own_variance(noise: Floats, count: int) -> Floats:
     return np.array([LEVEL**2, RAMP**2, late**2, force**2, *slow])
 
 
-def of_build_up(log_tau: Floats) -> Floats:
-    """Density over ln τ of brakes without a lag."""
+def of_build_up(log_tau: Floats, *, lag: bool) -> Floats:
+    """Density over ln τ of brakes with a lag, or without one."""
+    low, high = np.log(LAG if lag else (SLOW[1], LAG[0]))
+    even = np.where((log_tau >= low) & (log_tau <= high), 1.0 / (high - low), 0.0)
+    if lag:
+        return np.asarray(even, np.float64)
     z = (log_tau - np.log(BUILD_UP)) / LOG_SPREAD
     typical = np.exp(-0.5 * z**2) / (LOG_SPREAD * np.sqrt(2.0 * np.pi))
-    share, shortest = SLOW
-    low, high = np.log(shortest), np.log(LAG[0])
-    slow = np.where((log_tau >= low) & (log_tau <= high), 1.0 / (high - low), 0.0)
-    density: Floats = (1.0 - share) * typical + share * slow
-    return density
-
-
-def of_lag(log_tau: Floats) -> Floats:
-    """Density over ln τ of a lag."""
-    low, high = np.log(LAG)
-    density: Floats = np.where((log_tau >= low) & (log_tau <= high), 1.0 / (high - low), 0.0)
+    density: Floats = (1.0 - SLOW[0]) * typical + SLOW[0] * even
     return density

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import (
@@ -31,7 +30,7 @@ from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
 
 _HIDES = 1.5  # scatter over the usual one from which effects may hide in it [1]
-LEADERS = 3  # sets that are followed to the end: onset fitted, compared on stops held out
+_LEADERS = 3  # sets that are followed to the end, with an onset of their own
 LAG = next(name for name, law in LAWS.items() if law.enters is Enters.LAG)
 """Name of the effect that is an onset, not a column."""
 _POINTS = 120  # points of the integral over ln τ
@@ -89,10 +88,10 @@ def weighed(
         if leader == before:
             break
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
-    for names in {*ranked[:LEADERS], nothing} - {leader}:
+    for names in {*ranked[:_LEADERS], nothing} - {leader}:
         known[names] = _settled(trace, book, known[names], known[leader])
-    _try_named(known, ranked[:LEADERS], trace, book)
-    every = explanations(known.values(), model.braking.dead_time, odds)
+    _try_named(known, ranked[:_LEADERS], trace, book)
+    every = explanations(known.values(), odds)
     advance(1.0)
     return every, book
 
@@ -145,40 +144,29 @@ def _settled(trace: Trace, book: Dictionary, known: Fit, near: Fit) -> Fit:
     return fit(trace, book, known.chosen, known.log_prior, (near, known))
 
 
-def explanations(fits: Iterable[Fit], dead_time: float, odds: float) -> list[Explanation]:
-    """Answers of refitted sets.
-
-    Args:
-        fits: refitted sets. dead_time: in the model file [s].
-        odds: prior odds of causes, over those of :mod:`.prior`.
-    """
+def explanations(fits: Iterable[Fit], odds: float) -> list[Explanation]:
+    """Answers of refitted sets; odds as for :func:`weighed`."""
     found = []
     for known in fits:
-        late = np.array([o.dead_time for o in known.onsets])
         # A model has one lag: where there is one, what the onset lacks is dead time.
         has_lag = any(effect.name == LAG for effect in known.trace.model.effect)
         for lag in (False,) if has_lag else (False, True):
             own = known.log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
             own += np.log(prior.FURTHER) if lag and known.chosen else 0.0
-            weight, at = _over_build_up(known, late - dead_time, lag)
+            weight, at = _over_build_up(known, lag=lag)
             names = frozenset(c.name for c in known.chosen if c.named) | ({LAG} if lag else set())
             axes = frozenset(c.name for c in known.chosen if not c.named)
             found.append(Explanation(names, axes, own + weight, known, at))
     return sorted(found, key=lambda e: -e.log_weight)
 
 
-def _over_build_up(fit: Fit, late: Floats, lag: bool) -> tuple[float, int]:
+def _over_build_up(fit: Fit, *, lag: bool) -> tuple[float, int]:
     """Logarithm of the integral over ln τ, and the index of its largest term."""
-    taus, evidence = np.array([o.build_up for o in fit.onsets]), fit.evidence
-    log_tau = np.log(taus)
-    # A calibration took the usual build-up for dead time, and a lag that came later did not.
-    off = late + (np.minimum(taus, prior.BUILD_UP) if lag else taus)
-    usual = -0.5 * (off / prior.DEAD_TIME) ** 2
+    log_tau = np.log([o.build_up for o in fit.onsets])
     fine = np.linspace(np.log(prior.SLOW[1]), np.log(prior.LAG[1]), _POINTS)
-    density = prior.of_lag(fine) if lag else prior.of_build_up(fine)
-    lowest = float(evidence.min()) - HOPELESS
-    followed = np.interp(fine, log_tau, evidence, left=lowest, right=lowest)
-    terms = prior.TEMPER * followed + np.interp(fine, log_tau, usual)
-    terms = terms + np.log(np.maximum(density, 1e-300))
+    density = prior.of_build_up(fine, lag=lag)
+    lowest = float(fit.evidence.min()) - HOPELESS
+    followed = np.interp(fine, log_tau, fit.evidence, left=lowest, right=lowest)
+    terms = prior.TEMPER * followed + np.log(np.maximum(density, 1e-300))
     weight = float(logsumexp(terms) + np.log(fine[1] - fine[0]))
     return weight, int(np.argmin(np.abs(log_tau - fine[int(np.argmax(terms))])))
