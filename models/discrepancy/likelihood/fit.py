@@ -40,7 +40,7 @@ _SCALE = np.array([0.004, 0.15, 0.08, 0.15])  # of dead time [s], and logarithms
 _STEP = 0.05  # of derivatives, in these scales
 _SETTLING = 2  # steps of the dead time
 HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
-_MOST = 0.05  # by which a dead time is negative, differs in a stop, or moves in a step [s]
+_MOST = 0.05  # by which a dead time is negative, or moves in a step [s]
 _TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
 
 
@@ -113,14 +113,6 @@ class Problem:
                 break
             best = moved, now
         return best
-
-    def each(self, onset: Onset, noise: Floats) -> Onset:
-        """With the dead time of each stop as its trace shows it."""
-        grams, std = self.grams(onset)
-        mean = self.solve(grams, std, noise).mean
-        variance = prior.own_variance(noise, grams.square.shape[1])
-        late = grams.own_means(noise[0], variance, mean)[:, prior.LEVELS]
-        return replace(onset, late=np.clip(late, -_MOST, _MOST))
 
     def onset(self, start: Onset, noise: Floats) -> Onset:
         """Of largest evidence near a start."""
@@ -227,7 +219,7 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
 
 
 def _converged(problem: Problem, onset: Onset, noise: Floats) -> tuple[Onset, Floats]:
-    """Onset and noise in turns, each stop about its own dead time, until nothing is gained."""
+    """Onset and noise in turns, until nothing is gained."""
 
     def evidence(state: tuple[Onset, Floats]) -> float:
         return problem.at(*state).evidence + of_noise(state[1])
@@ -235,13 +227,11 @@ def _converged(problem: Problem, onset: Onset, noise: Floats) -> tuple[Onset, Fl
     best = (onset, problem.noise(onset, noise))
     most = evidence(best)
     for _ in range(_TURNS):
-        before = most
-        for moved in (problem.onset, problem.each):
-            onset = moved(*best)
-            state = (onset, problem.noise(onset, best[1]))
-            now = evidence(state)
-            if now > most:
-                best, most = state, now
+        onset = problem.onset(*best)
+        state = (onset, problem.noise(onset, best[1]))
+        before, now = most, evidence(state)
+        if now > most:
+            best, most = state, now
         if most < before + _GAIN:
             break
     return best

@@ -60,12 +60,6 @@ class Grams:
         log_det += float(np.linalg.slogdet(inner)[1].sum()) + stops * float(np.log(variance).sum())
         return weighed, float(log_det), solutions, np.asarray(inverse, np.float64)
 
-    def own_means(self, noise: float, variance: Floats, mean: Floats) -> Floats:
-        """(S, R) each stop's own effects, given (P,) means of the columns."""
-        solutions = self.whitened(noise, variance)[2]
-        means: Floats = solutions[:, :, -1] - solutions[:, :, : len(mean)] @ mean
-        return means
-
 
 @dataclass(frozen=True, slots=True)
 class Solved:

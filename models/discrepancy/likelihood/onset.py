@@ -8,7 +8,7 @@ the samples themselves, since a grid of times would move it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import bilinear, lfilter
@@ -30,19 +30,12 @@ class Onset:
         dead_time: from the command to the onset [s]. build_up: time constant of the brakes [s].
         oscillation, damping: natural frequency [Hz] and damping [1] of the sprung body,
             typical by default.
-        late: (S,) by how much the onset of each stop is later, or one of all [s].
     """
 
     dead_time: float
     build_up: float
     oscillation: float = OSCILLATION
     damping: float = DAMPING
-    late: Floats = field(default_factory=lambda: np.zeros(1))
-
-    @property
-    def each(self) -> Floats:
-        """(S,) dead time of each stop, or one of all [s]."""
-        return self.dead_time + self.late
 
     def built(self, u: Floats) -> Floats:
         """Share of the force that is built up at times since the onset."""
@@ -113,7 +106,7 @@ class Moment:
     @classmethod
     def of(cls, samples: Samples, onset: Onset) -> Moment:
         """Of an onset."""
-        u = samples.time - onset.each[:, None, None]
+        u = samples.time - onset.dead_time
         return cls(
             u,
             (u[:, :, :1] >= 0.0),
@@ -164,8 +157,8 @@ class Integrated:
         Until the brakes are built up a share has its value at the onset: exact for those that
         change slowly compared with the build-up.
         """
-        share = at_time(self.shares, table.time, onset.each)
-        fall: Floats = self.mean - at_time(self.integral, table.time, onset.each)[:, None]
+        share = at_time(self.shares, table.time, onset.dead_time)
+        fall: Floats = self.mean - at_time(self.integral, table.time, onset.dead_time)[:, None]
         stop, early = np.nonzero(~moment.after[:, :, 0])
         fall[stop, early] = moment.since[stop, early] * share[stop]
         fall -= moment.missing * np.where(self.through, share, 0.0)[:, None]

@@ -16,8 +16,8 @@ from slopewise.models.discrepancy.likelihood.gaussian import Solved
 from slopewise.models.discrepancy.likelihood.marginal import mixed, solved_both
 from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
 
-_DEPTH, WIDTH = 3, 6
-"""Effects in a set, and sets that are continued and fitted: more change nothing."""
+_DEPTH, WIDTH = 2, 6
+"""Effects in a set, and sets that are continued and fitted: a third one is mostly spurious."""
 
 
 @dataclass(frozen=True, slots=True)

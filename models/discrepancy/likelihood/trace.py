@@ -172,8 +172,7 @@ def columns_at(
 ) -> tuple[Floats, Floats, Floats]:
     """Columns of all stops (S, K, P + Q + 1), of each stop (S, K, R), and (P,) deviations.
 
-    The first column is that of the dead time, the last what is to be explained. A stop's own dead
-    time is linear about the `late` of the onset.
+    The first column is that of the dead time, the last what is to be explained.
 
     Args:
         trace: of the log. onset: its state. extra: (…, Q) shares of further columns.
@@ -184,7 +183,6 @@ def columns_at(
     early = samples.mean(np.minimum(moment.u, 0.0))
     expected = trace.expected.fallen(table, onset, moment).sum(axis=2)
     left = table.binned - table.held[:, None] + expected
-    left = left + always[0] * onset.late[:, None]
     shares = (trace.always,) if extra is None else (trace.always, extra)
     columns = [-c.fallen(table, onset, moment) for c in shares]
     every = np.concatenate([np.stack(always, axis=2), *columns, left[:, :, None]], axis=2)
@@ -202,7 +200,7 @@ def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats]
         for middle, width in zip(HATS, np.diff(HATS, prepend=-HATS[1]), strict=True)
     ]
     t = trace.samples.time
-    early = -GRAVITY * mean(np.clip(t, 0.0, np.maximum(onset.each, 0.0)[:, None, None]))
+    early = -GRAVITY * mean(np.clip(t, 0.0, max(onset.dead_time, 0.0)))
     built = pull * mean(onset.built(u))
     stds = [prior.DEAD_TIME_STEP, prior.AT_ONSET, prior.AT_ONSET]
     stds += [prior.BODY, prior.BODY_SHIFT, prior.BODY]

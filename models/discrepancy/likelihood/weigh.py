@@ -1,8 +1,8 @@
 """From a table of stops to weighed explanations.
 
 The search goes in rounds: scatter that an effect explains hides others, so everything is searched
-again at the onset and the noise of the leader, until the leader stays. Every set then has two
-weights, with and without a lag.
+again at the onset and the noise of the leader, at most the usual one, until the leader stays. Every
+set then has two weights, with and without a lag.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
 
-_HIDES = 1.5  # scatter over the usual one from which effects may hide in it [1]
 _LEADERS = 3  # sets that are followed to the end, with an onset of their own
 LAG = next(name for name, law in LAWS.items() if law.enters is Enters.LAG)
 """Name of the effect that is an onset, not a column."""
@@ -73,12 +72,10 @@ def weighed(
     leader = nothing
     for turn in range(MAX_STEPS):
         at = known[leader]
-        # What is missing is taken for scatter, which hides it: also searched at usual scatter.
+        # What is missing is taken for scatter, which hides it: searched at usual scatter.
         quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
         book = _with_place(book, quiet)
-        matches = searched(trace, book, at, at.best)[:WIDTH]
-        if np.any(at.noise > _HIDES * prior.NOISE):
-            matches += searched(trace, book, quiet, at.best)[:WIDTH]
+        matches = searched(trace, book, quiet, at.best)[:WIDTH]
         _try(known, matches, trace, book, at)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
         if not known[leader].settled:
@@ -90,7 +87,6 @@ def weighed(
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
     for names in {*ranked[:_LEADERS], nothing} - {leader}:
         known[names] = _settled(trace, book, known[names], known[leader])
-    _try_named(known, ranked[:_LEADERS], trace, book)
     every = explanations(known.values(), odds)
     advance(1.0)
     return every, book
@@ -109,19 +105,6 @@ def _try(
             tried = quick_fit(trace, book, match.chosen, match.log_prior, near)
             if same is None or tried.log_weight > same.log_weight:
                 known[match.names] = tried
-
-
-def _try_named(
-    known: _Known, leaders: Sequence[frozenset[str]], trace: Trace, book: Dictionary
-) -> None:
-    """Add leaders without their causes that have no name: names next to them, and alone."""
-    for leader in [known[names] for names in leaders]:
-        chosen = leader.chosen
-        named, unnamed = ([c for c in chosen if c.named is is_named] for is_named in (True, False))
-        names = frozenset(c.name for c in named)
-        if unnamed and names not in known:
-            price = sum(c.log_prior + float(np.log(prior.FURTHER)) for c in unnamed)
-            known[names] = quick_fit(trace, book, named, leader.log_prior - price, leader)
 
 
 def _with_place(book: Dictionary, fit: Fit) -> Dictionary:

@@ -59,7 +59,6 @@ class Whitener:
             lagging: the model has the build-up of the brakes; else it is a later onset there, and
                 the difference between both is a nuisance.
         """
-        onset = replace(onset, late=np.zeros(1))
         every, own, std = columns_at(trace, onset)
         spread, scaled = trace.table.spread, with_onset(std, noise)
         used = spread > 0.0

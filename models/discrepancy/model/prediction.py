@@ -121,8 +121,8 @@ def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Float
     return result
 
 
-def at_time(values: Floats, t: Floats, when: Elementwise) -> Floats:
-    """(S, …) values (S, M, …) on an even grid, at a time of all or (S,) of each."""
+def at_time(values: Floats, t: Floats, when: float) -> Floats:
+    """(S, …) values (S, M, …) on an even grid, at a time of all stops [s]."""
     step = t[:, 1] - t[:, 0]
     place = np.clip((when - t[:, 0]) / step, 0.0, t.shape[1] - 1.000001)
     left = place.astype(np.int64)
