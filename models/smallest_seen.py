@@ -110,7 +110,7 @@ def seen_at(
 def hides_steps(elevation_map: ElevationMap, vehicle: Vehicle) -> bool:
     """Return True if steps far beyond the vehicle's limit may be missed.
 
-    Heights are looked at only where their scatter decides: planning asks for each new map.
+    Heights are read only where their scatter decides: planning asks for each new map.
     """
     scattered, even = _seen(elevation_map, vehicle)
     if scattered is None or even is None:

@@ -23,6 +23,9 @@ _SAME = 1e-6  # [m] rows closer than that are one place: rounding of coordinates
 _MAX_NUMBER = 1e9
 """Size beyond that of any column in SI units: squares of such numbers are exact enough."""
 
+_MAX_STEP = 1e3
+"""Distance between two rows beyond that of any plan [m]: far less is too sparse to judge."""
+
 STANDSTILL_SPEED = 1e-3
 """Speed treated as zero [m/s]: from there a vehicle stops within a millimetre."""
 
@@ -77,6 +80,11 @@ class ExternalPlan:
                 expected = f"a finite number within ±{largest:g} [{unit}]"
                 raise ParameterError(f"{name}[{row}]", f"{expected}, got {values[row]:g}")
             object.__setattr__(self, name, values)
+        steps = np.hypot(np.diff(self.x), np.diff(self.y))
+        if steps.max(initial=0.0) > _MAX_STEP:
+            row = int(np.argmax(steps))
+            expected = f"a place within {_MAX_STEP:g} m of that of row {row}"
+            raise ParameterError(f"x[{row + 1}]", f"{expected}, got one {steps[row]:.6g} m away")
         for name in ("speed", "speed_limit", "path_deviation"):
             values = getattr(self, name)
             if values is not None and values.min() < 0.0:

@@ -48,7 +48,6 @@ from slopewise.services.check.stop_ends import (
 from slopewise.services.check.tolerances import TOLERANCES
 
 _MIN_TAIL = 0.3  # [m] of path behind the last row where stops may still end, at least
-_MAX_TAIL = 100.0  # [m] the same at most: rows farther apart are too sparse to judge
 _STANDSTILL_NOTE = "the plan stands in one place"
 _UNCHECKED = "jerk, and vertical acceleration on rough ground, are comfort and were not checked"
 
@@ -203,7 +202,7 @@ def _tail_and_ends(plan: ExternalPlan, clear: float) -> tuple[float, Floats]:
         ends = np.minimum(ends, plan.clear_distance)
     beyond = 0.0
     if np.isfinite(ends).any():
-        beyond = max(min(float(steps[-1]), _MAX_TAIL), _MIN_TAIL)
+        beyond = max(float(steps[-1]), _MIN_TAIL)
     # The end of a row, or that of the next: the nearer one.
     ends[:-1] = np.minimum(ends[:-1], ends[1:])
     return beyond, np.where(np.isfinite(ends), ends, 1e12)

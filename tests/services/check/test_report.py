@@ -30,8 +30,8 @@ def test_violation_names_row_station_kind_and_size() -> None:
 
 
 def test_distant_rows_are_one_violation_and_little_work() -> None:
-    """Behind the last row as much path was sampled as its step is long: here 5,000 km."""
-    rows = {"x": [5.0, 5e6, 1e7], "y": [10.0] * 3, "speed": [1.0, 1.0, 0.0]}
+    """Behind the last row as much path is sampled as its step is long: here 900 m."""
+    rows = {"x": [5.0, 905.0, 1805.0], "y": [10.0] * 3, "speed": [1.0, 1.0, 0.0]}
     far = ExternalPlan(name="far", **rows)
     report = check_plan_on_map(far, model_with(), ground(), clear=10.0)
     assert {violation.kind for violation in report.violations} == {"spacing"}
