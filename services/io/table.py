@@ -131,9 +131,8 @@ class Table:
 
 def _separator_hint(header: Sequence[str]) -> str:
     """Hint at columns that other marks than commas separate, "" for none."""
-    marks = [noun for mark, noun in _SEPARATORS.items() if mark in header[0]]
-    is_split = len(header) > 1 or not marks
-    return "" if is_split else f"; expected commas between columns, got {marks[0]}"
+    marks = [noun for mark, noun in _SEPARATORS.items() if len(header) == 1 and mark in header[0]]
+    return f"; expected commas between columns, got {marks[0]}" if marks else ""
 
 
 def _decimal_hint(header: Sequence[str], line: Sequence[str]) -> str:

@@ -99,6 +99,9 @@ def test_parquet_that_cannot_be_used(tmp_path: Path) -> None:
     path.write_bytes(b"PAR1" + b"garbage" * 50 + b"PAR1")
     with fault_in(path, "", "expected an intact Parquet file"):
         read_drive_log([path])
+    parquet.write_table(table({}), path)
+    with fault_in(path, "column t, column v, column v_cmd, column pitch", "missing columns"):
+        read_drive_log([path])
     columns = {"run": [1.0, 1.0], "t": [0.0, 1.0], "v": [1, None], "v_cmd": [1, 0], "pitch": [0, 0]}
     parquet.write_table(table(columns), path)
     with fault_in(path, "row 2, column v", "expected a finite number [m/s], got nan"):
