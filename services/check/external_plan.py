@@ -20,8 +20,8 @@ TEXT = ("limiting", "status", "reason")
 NEEDED = ("x", "y", "speed")
 _SAME = 1e-6  # [m] rows closer than that are one place: rounding of coordinates of 1000 km
 
-_MAX_NUMBER = 1e9
-"""Size beyond that of any column in SI units: squares of such numbers are exact enough."""
+_MAX_NUMBER = 1e10
+"""Size beyond that of any column in SI units, seconds since 1970 among them (1.8e9)."""
 
 _MAX_STEP = 1e3
 """Distance between two rows beyond that of any plan [m]: far less is too sparse to judge."""

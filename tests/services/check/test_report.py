@@ -46,6 +46,17 @@ def test_report_has_numbers_of_every_row() -> None:
     np.testing.assert_allclose(report.rear_load[moving], rear_share(v)[moving], atol=1e-9)
 
 
+def test_times_may_be_those_of_a_clock() -> None:
+    s, v = trapezoid(3.0)
+    rising = np.arange(len(s), dtype=float)
+    reports = [
+        check_plan_on_map(replace(straight(s, v), time=begin + rising), model_with(), ground())
+        for begin in (0.0, 1_764_000_000.0)
+    ]
+    assert reports[0].violations == reports[1].violations
+    assert {violation.kind for violation in reports[0].violations} == {"columns"}
+
+
 def test_a_plan_that_does_not_rest_at_its_end_overruns_it() -> None:
     s, v = trapezoid(3.0)
     cut = straight(s[:100], v[:100])
