@@ -110,13 +110,13 @@ def seen_at(
 def hides_steps(elevation_map: ElevationMap, vehicle: Vehicle) -> bool:
     """Return True if steps far beyond the vehicle's limit may be missed.
 
-    Heights are read only where their scatter decides: planning asks for each new map.
+    Heights are examined only where their scatter decides: planning asks for each new map.
     """
     scattered, even = _seen(elevation_map, vehicle)
     if scattered is None or even is None:
         return False
     highest = TOO_HIGH * vehicle.shape.max_step
-    if (scattered.step > highest) is (even.step > highest):
+    if (scattered.step > highest) == (even.step > highest):
         return scattered.step > highest
     return (even if _scatters_less(elevation_map) else scattered).step > highest
 

@@ -24,8 +24,8 @@ _MAX_SHOWN = 60
 """Characters of a value that an error shows [1]."""
 
 _NOUNS = {float: "a number", int: "a whole number", str: "a text", PathLike: "a path"}
-_NUMBERS = {float: "iuf", int: "iu"}
-"""Kinds of numpy's types that are numbers: neither bool, nor complex, nor text."""
+_SCALARS = {float: "iuf", int: "iu", bool: "b"}
+"""Kinds of numpy's types that each takes: numbers are neither bool, nor complex, nor text."""
 
 
 def typed_arguments(function: Callable[P, R]) -> Callable[P, R]:
@@ -62,9 +62,7 @@ def check_fields(instance: Any) -> None:
         _check(name, getattr(instance, name), kind)
 
 
-@functools.cache
-def _fields_of(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
+_fields_of = functools.cache(get_type_hints)
 
 
 def _check(name: str, value: Any, kind: Any) -> None:
@@ -78,8 +76,8 @@ def _check(name: str, value: Any, kind: Any) -> None:
 def _matches(name: str, value: Any, kind: Any) -> bool:
     """Whether a value is of a kind that is no union; elements of collections are checked."""
     origin, arguments = get_origin(kind), get_args(kind)
-    if kind in _NUMBERS:
-        return _is_numeric(value, (), _NUMBERS[kind])
+    if kind in _SCALARS:
+        return _is_numeric(value, (), _SCALARS[kind])
     if origin is np.ndarray:
         return _is_numeric(value, None, "biuf")
     if origin is Literal:
@@ -89,10 +87,8 @@ def _matches(name: str, value: Any, kind: Any) -> bool:
     if origin in (tuple, Sequence):
         if not isinstance(value, Collection) or isinstance(value, str | bytes | Mapping):
             return False
-        members = _members(arguments[0])
         for index, element in enumerate(value):
-            if type(element) not in members:
-                _check(f"{name}[{index}]", element, arguments[0])
+            _check(f"{name}[{index}]", element, arguments[0])
         return True
     return kind is Any or isinstance(value, origin or kind)
 

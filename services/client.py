@@ -1,4 +1,4 @@
-"""Client of the plan service, which needs nothing of the package but the modules that it imports.
+"""Client of the plan service; of the package it needs only the modules imported here.
 
 Every request has an answer in time. Without a usable reply of the service it is a safe stop of the
 client: brake as hard as the brakes can, with the speed that results.

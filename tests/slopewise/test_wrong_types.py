@@ -145,6 +145,12 @@ def test_numbers_of_numpy_are_numbers(number: float) -> None:
     assert replace(STATE, speed=number).invalid_field() == ""
 
 
+def test_a_flag_of_numpy_is_one() -> None:
+    assert replace(GROUND, height_std_is_assumed=np.isnan(np.nan)).height_std_is_assumed
+    with pytest.raises(slopewise.SlopewiseError, match=r"expected bool, got 1$"):
+        replace(GROUND, height_std_is_assumed=1)
+
+
 def test_files_may_be_several_and_are_named_by_index(tmp_path: Path) -> None:
     with pytest.raises(slopewise.SlopewiseError, match=r"files\[1\]: expected a text or a path"):
         slopewise.read_drive_log(tmp_path / "a.csv", None)
