@@ -128,11 +128,7 @@ def speed_bounds(
 
 # Verification and labels; `terms` is a `Terms`, `limits` a `PlanningLimits`, `track` a `Track`.
 def copy_track(
-    profile: TerrainProfile,
-    ground: BrakingGround,
-    speed_limit: Floats,
-    candidate: int,
-    first: int,
+    profile: TerrainProfile, ground: BrakingGround, speed_limit: Floats, candidate: int, first: int
 ) -> Floats: ...
 def verify(
     track: tuple[Floats, ...],
@@ -176,10 +172,7 @@ def first_blocked(
     end: float,
 ) -> tuple[int, float, float, float, float]: ...
 def segment_limits(
-    track: tuple[Floats, ...],
-    speed_sq: Floats,
-    problem: ProfileProblem,
-    limits: object,
+    track: tuple[Floats, ...], speed_sq: Floats, problem: ProfileProblem, limits: object
 ) -> tuple[Floats, Floats]: ...
 def motion(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:
     """Acceleration, 0 at the last station [m/s²], and time, constant once the profile rests [s]."""

@@ -23,12 +23,7 @@ from slopewise.services.guard import zenoh_transport
 from slopewise.services.io.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire import (
-    model_proposal,
-    observations,
-    parameter_messages,
-    plan_messages,
-)
+from slopewise.services.wire import model_proposal, observations, parameter_messages, plan_messages
 from slopewise.services.wire.codec import schema_of
 
 _HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"

@@ -29,9 +29,7 @@ _HEADROOM = 1.5
 
 
 def bound_curves(
-    elevation_map: ElevationMap,
-    plan: SpeedPlan,
-    model: Model,
+    elevation_map: ElevationMap, plan: SpeedPlan, model: Model
 ) -> dict[Limiting, Floats]:
     """Highest speed that each bound individually allows, (N,) each [m/s], inf where it allows any.
 

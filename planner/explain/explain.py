@@ -127,13 +127,7 @@ def explain(
     """
     settings = settings or PlannerSettings()
     model = within_sight(model, elevation_map, settings.unseen_steps)
-    what_if = WhatIf(
-        elevation_map,
-        path,
-        model,
-        settings=settings,
-        start_speed=start_speed,
-    )
+    what_if = WhatIf(elevation_map, path, model, settings=settings, start_speed=start_speed)
     assumptions = Assumptions(
         model=model, uncertainty=uncertainty, clear=clear, smooth=settings.smooth
     )

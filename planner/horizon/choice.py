@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from slopewise.planner.horizon.answer import (
-    FULL_STOP,
-    CycleAnswer,
-    Deficit,
-    Ranked,
-    command_of,
-)
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Deficit, Ranked, command_of
 from slopewise.planner.horizon.cycle_planner import CyclePlanner
 from slopewise.planner.horizon.previous_plan import PreviousPlan
 from slopewise.planner.pipeline.ranking import ranking_cost

@@ -15,12 +15,7 @@ from slopewise.planner.horizon.continuation import Continuation, PathAhead
 from slopewise.planner.horizon.cycle_batch import BestCandidates, CycleBatch
 from slopewise.planner.horizon.cycle_planner import CyclePlanner
 from slopewise.planner.horizon.path_cut import cut, passed_stations
-from slopewise.planner.horizon.previous_plan import (
-    PreviousPlan,
-    index_of,
-    offered_path,
-    vehicle_on,
-)
+from slopewise.planner.horizon.previous_plan import PreviousPlan, index_of, offered_path, vehicle_on
 from slopewise.planner.horizon.refusals import Drivable, drivable_of
 from slopewise.planner.path import PathBatch, joined
 from slopewise.planner.pipeline.candidate_column import CandidateColumn

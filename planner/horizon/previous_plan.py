@@ -153,12 +153,7 @@ class PreviousPlan:
         return self._alone(rows[:, first:]), known + i - first
 
     def going_on(
-        self,
-        projection: PathProjection,
-        offered: Floats,
-        behind: int = BEHIND,
-        *,
-        extended: bool,
+        self, projection: PathProjection, offered: Floats, behind: int = BEHIND, *, extended: bool
     ) -> tuple[PathBatch, int]:
         """As :meth:`rest`, under the limits of the path offered now.
 

@@ -129,11 +129,7 @@ def convergence(
 
 
 def _highest_speed(
-    profile: TerrainProfile,
-    departure: Departure,
-    model: Model,
-    distance: Floats,
-    curvature: Floats,
+    profile: TerrainProfile, departure: Departure, model: Model, distance: Floats, curvature: Floats
 ) -> Floats:
     """Speed at which the turn back to the line holds on the bank that is there, (K, M) [m/s].
 
@@ -204,12 +200,7 @@ def _lookaheads(model: Model, speed: float, offset: Floats, turned: Floats) -> t
 
 
 def _hull(
-    distance: Floats,
-    offset: Floats,
-    turned: Floats,
-    shortest: float,
-    longest: Floats,
-    late: float,
+    distance: Floats, offset: Floats, turned: Floats, shortest: float, longest: Floats, late: float
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
     """Offsets [m] and headings [rad] of all courses: middle and half the range; curvature [1/m]."""
     begin = np.array([0.0, late] if late > 0.0 else [0.0])[:, None, None, None]

@@ -125,11 +125,7 @@ class Sweeper:
         return SweptPoses(code, found, body, ("",) * candidates, searched)
 
     def _swept(
-        self,
-        sizes: SweptSizes,
-        profile: TerrainProfile,
-        body: BodyRows,
-        added_band: Floats | None,
+        self, sizes: SweptSizes, profile: TerrainProfile, body: BodyRows, added_band: Floats | None
     ) -> tuple[Ints, Floats, int]:
         """Codes (N, M) of what blocks poses, findings (M, 4), and how many poses were searched.
 

@@ -59,11 +59,7 @@ def surface_force(terms: Floats, speed: Floats, *, upper: bool) -> Floats:
 
 
 def path_force_along(
-    model: Model,
-    ground: LineGround,
-    line: Line,
-    class_names: tuple[str, ...],
-    width: float = 0.0,
+    model: Model, ground: LineGround, line: Line, class_names: tuple[str, ...], width: float = 0.0
 ) -> PathForce:
     """The braking force of a model on the ground along a line.
 

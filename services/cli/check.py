@@ -46,13 +46,7 @@ def check(
     from slopewise.services.jobs.check import check as job
 
     result = job(
-        plan_file,
-        map_file,
-        model,
-        clear=clear,
-        quantile=quantile,
-        topics=topics,
-        nodata=nodata,
+        plan_file, map_file, model, clear=clear, quantile=quantile, topics=topics, nodata=nodata
     )
     print_result(as_json, result.summary, _tables(result))
     return None if result.valid else ExitStatus.NOT_ADMISSIBLE

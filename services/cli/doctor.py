@@ -60,12 +60,7 @@ def doctor(
         for i in issues
     ]
     missing = absent(facts)
-    summary = {
-        "looked_at": names,
-        "checks": len(CHECKS),
-        "findings": findings,
-        "absent": missing,
-    }
+    summary = {"looked_at": names, "checks": len(CHECKS), "findings": findings, "absent": missing}
     print_result(as_json, summary, _tables(names, len(CHECKS), issues, missing))
     has_errors = any(issue.severity is IssueSeverity.ERROR for issue in issues)
     return ExitStatus.NOT_ADMISSIBLE if has_errors else None

@@ -102,8 +102,7 @@ Seed = Annotated[int, option("Seed of the random numbers; the same one gives the
 Report = Annotated[Path | None, output("Write a page with charts.", "out.html")]
 Timeout = Annotated[float, option("Longest wait for the reply.", "SECONDS")]
 AsJson = Annotated[
-    bool,
-    typer.Option("--json", callback=_without_progress, help="Print JSON instead of a table."),
+    bool, typer.Option("--json", callback=_without_progress, help="Print JSON instead of a table.")
 ]
 JsonLine = Annotated[
     bool, option("Print the ready message as JSON, on standard output.", None, "--json")

@@ -46,8 +46,7 @@ def plan(
     topics: options.Topics = None,
     nodata: options.NoDataValue = None,
     out: Annotated[
-        Path | None,
-        output("Write all plans, one row per station; .mcap for Foxglove.", "plan.csv"),
+        Path | None, output("Write all plans, one row per station; .mcap for Foxglove.", "plan.csv")
     ] = None,
     report: options.Report = None,
     as_json: options.AsJson = False,

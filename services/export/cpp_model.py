@@ -42,10 +42,7 @@ def write_cpp(
         names = ", ".join(effect.name for effect in model.effect)
         raise ParameterError("effect", f"a model without effects for C++, got {names}")
     flat = ElevationMap(
-        elevation=np.zeros((2, 2)),
-        resolution=resolution,
-        origin=(0.0, 0.0),
-        height_std=height_std,
+        elevation=np.zeros((2, 2)), resolution=resolution, origin=(0.0, 0.0), height_std=height_std
     )
     uncertainty = Uncertainty(quantile=quantile)
     name = re.sub(r"\W", "_", model.name) or "model"

@@ -155,12 +155,7 @@ class Guard:
         return is_new
 
     def confirm(
-        self,
-        pose: Pose2d,
-        now: float,
-        sender: str,
-        sequence: int | None,
-        time: float | None = None,
+        self, pose: Pose2d, now: float, sender: str, sequence: int | None, time: float | None = None
     ) -> bool:
         """Continue after a jump from the pose that an operator confirms, of a base at rest.
 

@@ -58,11 +58,7 @@ class Worker:
     """A running guard."""
 
     def __init__(
-        self,
-        settings: GuardSettings,
-        session: zenoh.Session,
-        heartbeat: Heartbeat,
-        memory: int,
+        self, settings: GuardSettings, session: zenoh.Session, heartbeat: Heartbeat, memory: int
     ) -> None:
         model = read_guard_model(find_model(settings.model))
         known = read_guard_map(Path(settings.map)) if settings.map else None

@@ -29,12 +29,7 @@ _MEAN = re.compile(r"mean\((.+)\)")
 _COMMA = re.compile(r",(?![^(]*\))")
 _KNOWN = {**REQUIRED, **OPTIONAL, **REPLAYED, **dict.fromkeys(TEXT, "")}
 _SYNONYMS: Mapping[str, tuple[str, float]] = MappingProxyType(
-    {
-        "time": ("t", 1.0),
-        "speed": ("v", 1.0),
-        "command": ("v_cmd", 1.0),
-        "grade": ("pitch", -1.0),
-    }
+    {"time": ("t", 1.0), "speed": ("v", 1.0), "command": ("v_cmd", 1.0), "grade": ("pitch", -1.0)}
 )
 """Names of columns in plain words, and their sign: grade is uphill positive, pitch nose down."""
 

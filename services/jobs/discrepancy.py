@@ -15,10 +15,7 @@ from slopewise.services.jobs.summary import input_errors
 
 
 def discrepancy(
-    logs: LogInput,
-    model_file: str,
-    *,
-    settings: DiscrepancySettings | None = None,
+    logs: LogInput, model_file: str, *, settings: DiscrepancySettings | None = None
 ) -> Findings:
     model_path = find_model(model_file)
     model = read_model(model_path)

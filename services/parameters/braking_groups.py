@@ -20,11 +20,7 @@ from slopewise.services.parameters.braking_forces import DEAD_TIME_COUNT, Brakin
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
 from slopewise.services.parameters.stop_checks import MAX_DEAD_TIME
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.parameter_messages import (
-    FORCE_STD,
-    STOP_FACTOR,
-    STOP_FACTOR_QUANTILE,
-)
+from slopewise.services.wire.parameter_messages import FORCE_STD, STOP_FACTOR, STOP_FACTOR_QUANTILE
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"

@@ -44,11 +44,7 @@ _BINS, _MIN_BIN = 8, 3
 
 
 def write_discrepancy_page(
-    path: Path,
-    findings: Findings,
-    *,
-    title: str,
-    provenance: Mapping[str, str],
+    path: Path, findings: Findings, *, title: str, provenance: Mapping[str, str]
 ) -> None:
     """Write the page, all or nothing; provenance: logs, model, date: name -> value."""
     label, kind = VERDICT_LABELS[findings.verdict]

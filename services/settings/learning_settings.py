@@ -145,11 +145,7 @@ class Investigation(Quantities):
         "s", "Time between scheduled investigations; 0: on request only.", default=0.0
     )
     fresh: int = quantity(
-        "1",
-        "New stops that a scheduled investigation needs.",
-        default=20,
-        at_least=1,
-        at_most=5000,
+        "1", "New stops that a scheduled investigation needs.", default=20, at_least=1, at_most=5000
     )
     limit: float = quantity(
         "s", "Time that one investigation may take.", default=600.0, at_least=1.0, at_most=86_400.0

@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks.discrepancy import (
-    effect_plant,
-    gls_scan,
-    hidden_effects,
-    plant_physics,
-    sensing,
-)
+from benchmarks.discrepancy import effect_plant, gls_scan, hidden_effects, plant_physics, sensing
 from benchmarks.discrepancy.identifiability import Identifiability, identifiability
 from benchmarks.discrepancy.plant_physics import Physics, Stops, draw
 from benchmarks.discrepancy.sensing import Columns

@@ -121,9 +121,7 @@ def test_a_map_that_is_too_noisy_is_driven_carefully_or_only_noted() -> None:
     path = CandidatePath(name="straight", points=STRAIGHT)
     assert explain(fast, level, path).plan.speed.max() <= careful + 1e-9
     answer = slopewise.Horizon(fast).step(
-        PlanarState(x=0.0, y=0.0, heading=0.0, speed=0.0),
-        [path],
-        level,
+        PlanarState(x=0.0, y=0.0, heading=0.0, speed=0.0), [path], level
     )
     assert answer.chosen.speed.max() <= careful + 1e-9
 

@@ -130,12 +130,7 @@ class Attacker:
         self.put(
             "obs/stop",
             "stop_observation",
-            self.observation(
-                speed=2.0,
-                grade=0.0,
-                deceleration=0.42 * G,
-                surface=f"x{self.count}",
-            ),
+            self.observation(speed=2.0, grade=0.0, deceleration=0.42 * G, surface=f"x{self.count}"),
         )
         return 0.2
 

@@ -24,12 +24,7 @@ from slopewise.models.discrepancy.likelihood.marginal import (
     share_changed,
     solved_both,
 )
-from slopewise.models.discrepancy.likelihood.onset import (
-    DAMPING,
-    OSCILLATION,
-    Integrated,
-    Onset,
-)
+from slopewise.models.discrepancy.likelihood.onset import DAMPING, OSCILLATION, Integrated, Onset
 from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
 from slopewise.models.discrepancy.model.hypothesis import MAX_STEPS
 

@@ -135,10 +135,7 @@ def _expected(table: StopTable, model: Model) -> Integrated:
 
 
 def _always(
-    table: StopTable,
-    used: Floats,
-    force: float,
-    spikes: tuple[Floats, Floats],
+    table: StopTable, used: Floats, force: float, spikes: tuple[Floats, Floats]
 ) -> tuple[Integrated, Floats]:
     """Coefficients, waves of the onset (deviation 1), sessions, spikes; (P,) prior deviations."""
     base = base_shares(table)

@@ -15,11 +15,7 @@ from scipy.special import logsumexp
 
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.dictionary import (
-    Dictionary,
-    dictionary_of,
-    spikes_of,
-)
+from slopewise.models.discrepancy.likelihood.dictionary import Dictionary, dictionary_of, spikes_of
 from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit, fit, quick_fit
 from slopewise.models.discrepancy.likelihood.place import placed
 from slopewise.models.discrepancy.likelihood.search import WIDTH, Found, searched

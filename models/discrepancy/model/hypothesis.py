@@ -94,9 +94,4 @@ class Hypothesis:
             for name in free_parameters(effect):
                 values[name] = float(rest.pop(0))
             added.append(replace(effect, parameters=values, covariance=None))
-        return replace(
-            self,
-            shift=np.array(free[:4]),
-            dead_time=float(free[4]),
-            added=tuple(added),
-        )
+        return replace(self, shift=np.array(free[:4]), dead_time=float(free[4]), added=tuple(added))

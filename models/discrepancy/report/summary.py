@@ -8,13 +8,7 @@ import numpy as np
 
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.verdict import Decision
-from slopewise.models.discrepancy.findings import (
-    Estimate,
-    Gap,
-    LocatedAxis,
-    NamedEffect,
-    Verdict,
-)
+from slopewise.models.discrepancy.findings import Estimate, Gap, LocatedAxis, NamedEffect, Verdict
 from slopewise.models.discrepancy.likelihood.prior import RULED_OUT
 from slopewise.models.discrepancy.likelihood.residual_axes import ResidualAxis
 from slopewise.models.discrepancy.report.words import UNSEEN

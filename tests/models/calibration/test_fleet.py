@@ -258,9 +258,7 @@ def fitted() -> list[tuple[Fleet, hierarchy.Hierarchy]]:
     return [(fleet, fleet.fit()) for fleet in map(Fleet, range(4))]
 
 
-def test_spread_and_scatter_are_recovered(
-    fitted: list[tuple[Fleet, hierarchy.Hierarchy]],
-) -> None:
+def test_spread_and_scatter_are_recovered(fitted: list[tuple[Fleet, hierarchy.Hierarchy]]) -> None:
     for fleet, estimate in fitted:
         # Against what was drawn: fifty draws alone differ from their law by a tenth.
         sample_std = np.std(fleet.true, axis=0, ddof=1)

@@ -9,11 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from slopewise.models.calibration.force_fit import (
-    by_mount,
-    fit_force,
-    fit_two_stages,
-)
+from slopewise.models.calibration.force_fit import by_mount, fit_force, fit_two_stages
 from slopewise.models.calibration.margins import normal_bound, offset_for
 from slopewise.models.calibration.tracking_fit import TrackingFit, fit_tracking
 from slopewise.models.calibration.tracking_samples import TrackingSamples, tracking_samples

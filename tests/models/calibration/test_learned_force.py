@@ -131,10 +131,7 @@ def test_growing_older_never_makes_a_plan_faster(
     assert np.all(lower <= higher + 1e-6)
 
 
-@given(
-    forces=st.lists(st.floats(0.03, 1.0), min_size=1, max_size=30),
-    age=st.floats(0.0, 1e6),
-)
+@given(forces=st.lists(st.floats(0.03, 1.0), min_size=1, max_size=30), age=st.floats(0.0, 1e6))
 def test_restored_it_is_as_it_was_only_older(forces: list[float], age: float) -> None:
     online, again = learning(), learning()
     braked(online, forces)

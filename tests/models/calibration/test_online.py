@@ -53,9 +53,7 @@ def test_stops_whose_grade_has_the_wrong_sign_raise_no_force() -> None:
     first = corners @ online.coefficients()
     for stop in driven(Plant(b_b=0.45), 120, 0):
         flipped = replace(
-            stop,
-            grade=-stop.grade,
-            force_ratio=stop.force_ratio + 2.0 * math.sin(stop.grade),
+            stop, grade=-stop.grade, force_ratio=stop.force_ratio + 2.0 * math.sin(stop.grade)
         )
         online.take(flipped)
     assert np.all(corners @ online.coefficients() <= first + 1e-9)

@@ -19,14 +19,7 @@ from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.discrepancy.workflow import HUNDREDTHS
 from slopewise.models.effects.registry import validate
 from slopewise.models.parameters import Effect
-from tests.world.logs import (
-    findings_of,
-    investigated,
-    known_little,
-    refit_of,
-    table,
-    whitener_of,
-)
+from tests.world.logs import findings_of, investigated, known_little, refit_of, table, whitener_of
 from tests.world.vehicles import BASE
 
 BASIS = Hypothesis.configured(BASE)

@@ -20,10 +20,7 @@ from slopewise.models.discrepancy.likelihood.refit import effect_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import predict, stops_seen
 from slopewise.models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
-from slopewise.models.effects.registry import (
-    LAWS,
-    validate,
-)
+from slopewise.models.effects.registry import LAWS, validate
 from slopewise.models.parameters import Effect
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop

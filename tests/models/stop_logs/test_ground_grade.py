@@ -12,12 +12,7 @@ from slopewise.models.stop_logs.drive_quality import (
     stretches_of,
     usable,
 )
-from slopewise.models.stop_logs.ground_grade import (
-    Dive,
-    StopPitch,
-    estimate_dive,
-    shrunk,
-)
+from slopewise.models.stop_logs.ground_grade import Dive, StopPitch, estimate_dive, shrunk
 
 PER = np.deg2rad(0.3)  # [rad s²/m]
 

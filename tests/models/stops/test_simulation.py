@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.parameters import Effect
-from slopewise.models.stops.simulation import (
-    GroundTrack,
-    RunChannels,
-    replay,
-    simulate_stop,
-)
+from slopewise.models.stops.simulation import GroundTrack, RunChannels, replay, simulate_stop
 from tests.world.vehicles import BASE, with_braking, with_effect
 
 G = 9.80665

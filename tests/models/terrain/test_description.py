@@ -22,10 +22,7 @@ from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.terrain_file import find_terrains, read_terrains
-from tests.models.terrain.vehicles import (
-    MODEL,
-    observation_of,
-)
+from tests.models.terrain.vehicles import MODEL, observation_of
 from tests.world.ground import ground_map, straight
 
 HUSKY = read_terrains(find_terrains("husky"))

@@ -102,12 +102,7 @@ def test_downhill_magnitudes_of_currents_are_ignored():
 
 
 def test_stuck_is_named_and_not_averaged_in():
-    legs = [
-        *plant.square(sides=2)[:-1],
-        (0.5, 0.0, 0.0),
-        (10.0, 0.0, np.nan),
-        (0.5, 0.0, 0.0),
-    ]
+    legs = [*plant.square(sides=2)[:-1], (0.5, 0.0, 0.0), (10.0, 0.0, np.nan), (0.5, 0.0, 0.0)]
     estimator = estimator_of()
     log = plant.drive(legs, plant.DIRT)
     estimates = observe(estimator, log)

@@ -9,22 +9,13 @@ import pytest
 
 from slopewise.models.stop_logs.drive_quality import SuspectKind
 from slopewise.models.terrain.classes import TerrainClasses
-from slopewise.models.terrain.description import (
-    UNDECIDED,
-    GroundChange,
-)
+from slopewise.models.terrain.description import UNDECIDED, GroundChange
 from slopewise.models.terrain.log_checks import implausible
 from slopewise.models.terrain.monitor import DescribedStretch, TerrainMonitor
 from slopewise.models.terrain.trace import trace
 from slopewise.services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain import plant
-from tests.models.terrain.vehicles import (
-    MODEL,
-    QUIET,
-    estimator_of,
-    samples_of,
-    vehicle_of,
-)
+from tests.models.terrain.vehicles import MODEL, QUIET, estimator_of, samples_of, vehicle_of
 
 HUSKY = read_terrains(find_terrains("husky"))
 

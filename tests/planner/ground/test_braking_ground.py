@@ -217,9 +217,7 @@ def test_curvature_is_the_circles_left_positive(curvature: float) -> None:
 
 def unknown_disc(x0: float, y0: float, radius: float = 0.12) -> ElevationMap:
     return ground_map(
-        lambda x, y: 0.0 * x,
-        resolution=0.1,
-        unknown=lambda x, y: np.hypot(x - x0, y - y0) < radius,
+        lambda x, y: 0.0 * x, resolution=0.1, unknown=lambda x, y: np.hypot(x - x0, y - y0) < radius
     )
 
 

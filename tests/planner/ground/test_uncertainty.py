@@ -92,11 +92,7 @@ def test_no_uncertainty_makes_a_plan_faster(
     less["quantile"] = max(less["quantile"], 0.5)
     plans = [
         plan_with(m, u, ground, clear=clear)
-        for m, u in (
-            (model, None),
-            (model, Uncertainty(**less)),
-            (scattered, Uncertainty(**sizes)),
-        )
+        for m, u in ((model, None), (model, Uncertainty(**less)), (scattered, Uncertainty(**sizes)))
     ]
     for plan, uncertain_model in pairwise(plans):
         if Status.INFEASIBLE in (plan.status, uncertain_model.status):

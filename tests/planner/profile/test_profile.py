@@ -87,9 +87,7 @@ def test_the_acceleration_before_the_start_is_taken_on(start_accel: float) -> No
 
 
 @pytest.mark.parametrize("start_accel", [-0.97, -0.5])
-def test_a_start_that_brakes_hard_at_low_jerk_is_solved_as_well(
-    start_accel: float,
-) -> None:
+def test_a_start_that_brakes_hard_at_low_jerk_is_solved_as_well(start_accel: float) -> None:
     """The vehicle nearly stops before it can accelerate: far from the time-optimal profile."""
     r = road(80, 0.25, bound=3.0, start=0.83, accel_max=1.85)
     p = problem_of(r, 0.88, start_accel)

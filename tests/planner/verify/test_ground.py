@@ -86,10 +86,7 @@ SCENES = {
         message="to be held on",
     ),
     "a step up": Scene(
-        Limiting.STEP,
-        lambda x, y: np.where(x > FACE, 0.2, 0.0),
-        FACE,
-        message="a step of 0.1",
+        Limiting.STEP, lambda x, y: np.where(x > FACE, 0.2, 0.0), FACE, message="a step of 0.1"
     ),
     "a drop": Scene(
         Limiting.STEP, lambda x, y: np.where(x > FACE, -0.2, 0.0), FACE, message="a step of 0.1"

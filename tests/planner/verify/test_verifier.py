@@ -35,10 +35,7 @@ class Case:
         self.tables, self.model = tables, model_of(tables)
         part = batch([path], spacing)
         self.solved: TimeOptimalBatch = time_optimal_batch(
-            elevation_map,
-            part,
-            self.model,
-            **options,
+            elevation_map, part, self.model, **options
         )
         self.track: Track = track_of(self.solved.profile, self.solved.ground, 0, part.speed_limit)
         self.speed_sq = self.solved.speed_sq[:, 0].copy()

@@ -124,8 +124,7 @@ def stronger(question: Question) -> SpeedPlan:
     more = {name: 1.1 * getattr(braking, name) for name in names}
     tables = {
         surface: dataclasses.replace(
-            table,
-            **{n: 1.1 * getattr(table, n) for n in names if getattr(table, n) is not None},
+            table, **{n: 1.1 * getattr(table, n) for n in names if getattr(table, n) is not None}
         )
         for surface, table in braking.terrain.items()
     }

@@ -157,8 +157,7 @@ def test_steps_up_and_down_count_on_any_slope(vehicle: str, cell: float, turn: f
 
 
 @pytest.mark.parametrize(
-    ("cell", "before", "after", "share"),
-    [(0.1, -0.15, 0.15, 1.6), (0.05, -0.2, 0.2, 1.7)],
+    ("cell", "before", "after", "share"), [(0.1, -0.15, 0.15, 1.6), (0.05, -0.2, 0.2, 1.7)]
 )
 def test_a_step_at_the_foot_of_a_slope_is_no_gap(
     cell: float, before: float, after: float, share: float

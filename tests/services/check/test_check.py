@@ -106,10 +106,7 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
         "speed_limit",
         lambda u: driven(2.0 * u, columns=lambda s, _: {"speed_limit": np.full_like(s, 2.0)}),
     ),
-    "clear path": (
-        "stopping_path",
-        lambda u: driven(3.0, clear=furthest(*SOFT, u) + FRONT),
-    ),
+    "clear path": ("stopping_path", lambda u: driven(3.0, clear=furthest(*SOFT, u) + FRONT)),
     "clear distance": (
         "stopping_path",
         lambda u: driven(
@@ -180,9 +177,7 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
     "friction": (
         "friction",
         lambda u: driven(
-            2.5,
-            radius=4.0,
-            braking={"sliding_friction": np.hypot(2.5**2 / 4.0, 0.9) / G / u},
+            2.5, radius=4.0, braking={"sliding_friction": np.hypot(2.5**2 / 4.0, 0.9) / G / u}
         ),
     ),
     "holding": (
@@ -192,10 +187,7 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
     "holding by friction": (
         "holding",
         lambda u: driven(
-            0.5,
-            slope(0.2),
-            shape={"accel": 0.1},
-            braking={"sliding_friction": np.tan(0.2) / u},
+            0.5, slope(0.2), shape={"accel": 0.1}, braking={"sliding_friction": np.tan(0.2) / u}
         ),
     ),
     "step": (
@@ -206,10 +198,7 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
         "step",
         lambda u: driven(
             1.0,
-            at(
-                lambda x, y: (np.abs(x - 8.0) < 0.4) & (np.abs(y - 0.5) < 0.15),
-                -0.28 / 3.0 * u**2,
-            ),
+            at(lambda x, y: (np.abs(x - 8.0) < 0.4) & (np.abs(y - 0.5) < 0.15), -0.28 / 3.0 * u**2),
             resolution=0.05,
         ),
     ),

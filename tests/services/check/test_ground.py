@@ -55,11 +55,7 @@ def test_agrees_with_the_profile_of_the_planner_at_its_stations() -> None:
     line = line_of(plan, 0.0)
     under = ground_under(heights, line, vehicle)
     profile = terrain_profile(
-        heights,
-        plan.x[:, None],
-        plan.y[:, None],
-        np.array([len(s)]),
-        vehicle,
+        heights, plan.x[:, None], plan.y[:, None], np.array([len(s)]), vehicle
     )
     rows = line.at_row
     for checked, planned, atol in (

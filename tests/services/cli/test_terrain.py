@@ -171,11 +171,7 @@ def test_a_missing_column_is_an_error(tmp_path: Path, name: str) -> None:
     ids=["twice", "backwards", "degrees"],
 )
 def test_unusable_times_and_units_are_an_error(
-    tmp_path: Path,
-    name: str,
-    spoil: Callable[[np.ndarray], np.ndarray],
-    where: str,
-    expected: str,
+    tmp_path: Path, name: str, spoil: Callable[[np.ndarray], np.ndarray], where: str, expected: str
 ) -> None:
     log = drive_log()
     path = write_runs(tmp_path / "log.csv", ("1", {**log, name: spoil(log[name])}))

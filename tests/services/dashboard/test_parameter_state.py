@@ -45,9 +45,7 @@ class ShownService:
         return entry.state, entry.message, entry.purpose, entry.command
 
 
-def test_each_status_has_the_command_of_the_next_step(
-    tmp_path: Path,
-) -> None:
+def test_each_status_has_the_command_of_the_next_step(tmp_path: Path) -> None:
     shown = ShownService(tmp_path)
     shown.feed.show()
     assert shown.board.proposal is None

@@ -46,7 +46,7 @@ NAV2: dict[str, Any] = {
         "max_decel": [-2.0, 0.0, -3.0],
     },
     "diff_drive_controller": {
-        "linear": {"x": {"has_acceleration_limits": True, "max_deceleration": 2.2}},
+        "linear": {"x": {"has_acceleration_limits": True, "max_deceleration": 2.2}}
     },
     "twist_mux": {"locks": {"slopewise": {"topic": "speed_stop", "timeout": 0.5, "priority": 255}}},
     "local_costmap": {"footprint": "[[0.9, 0.62], [0.9, -0.62], [-0.9, -0.62], [-0.9, 0.62]]"},

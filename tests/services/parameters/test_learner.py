@@ -223,9 +223,7 @@ def terrain_of(group: TerrainGroup) -> tuple[float, ...]:
     return (terrain.motion_resistance, terrain.lateral_resistance, terrain.slip_track)
 
 
-@given(
-    values=st.lists(st.tuples(*[st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 0.5))] * 3)),
-)
+@given(values=st.lists(st.tuples(*[st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 0.5))] * 3)))
 def test_no_terrain_estimate_makes_a_plan_faster_than_the_file(values: Any) -> None:
     prior = HUSKY.terrain
     group = TerrainGroup(HUSKY, Learning())

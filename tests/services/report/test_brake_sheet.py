@@ -25,10 +25,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.report.brake_numbers import (
-    BrakeNumbers,
-    round_values,
-)
+from slopewise.services.report.brake_numbers import BrakeNumbers, round_values
 from slopewise.services.report.brake_sheet import (
     brake_rows,
     sheet_json,

@@ -6,11 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from slopewise.services.settings.service_settings import (
-    ServiceConfig,
-    ZenohSettings,
-    read_config,
-)
+from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings, read_config
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services import certificates
 from tests.services.faults import fault_in

@@ -6,11 +6,7 @@ belong to the node.
 
 from __future__ import annotations
 
-NODE: dict[str, object] = {
-    "executable": "slopewise",
-    "start_patience": 30.0,
-    "stop_patience": 5.0,
-}
+NODE: dict[str, object] = {"executable": "slopewise", "start_patience": 30.0, "stop_patience": 5.0}
 
 EDGE: dict[str, object] = {
     "ros.connect": ["tcp/127.0.0.1:7447"],
