@@ -166,8 +166,10 @@ def _on_an_arc(
     """Course between straight on and the turns of this command and of those before it."""
     top = max(moving, requested)
     turn = command.yaw_rate / top
-    # Turns tighter than the command's are as tight as the limit in turns lets a base be.
-    tightest = max(abs(turn), model.lateral / top**2)
+    # Turns tighter than the command's are as tight as the limit in turns lets a base be, or as
+    # steered wheels are, which keep a curvature however fast it still is.
+    steers = model.vehicle.drive == "ackermann"
+    tightest = math.inf if steers else max(abs(turn), model.lateral / top**2)
     rates = [command.yaw_rate, *(c.yaw_rate for c in before)]
     slower = [min(moving, requested), *(max(moving, abs(c.speed)) for c in before)]
     other_turns = [

@@ -11,9 +11,9 @@ import pytest
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, decide, guard_decision
-from slopewise.services.guard.guard_model import GuardScene
-from slopewise.services.io.model_file import read_model
-from tests.services.guard.guard_fixtures import ATV, FLAT, MODEL, ground_with, motion, slope
+from slopewise.services.guard.guard_model import GuardScene, read_guard_model
+from slopewise.services.io.model_file import find_model, read_model
+from tests.services.guard.guard_fixtures import ATV, FLAT, MODEL, ground_with, map_of, motion, slope
 
 STILL = BaseCommand(0.0, 0.0)
 
@@ -120,6 +120,18 @@ def test_a_base_that_is_still_fast_turns_no_more_than_its_speed_allows(
     assert abs(result.command.speed) <= abs(requested)
     assert result.command.yaw_rate * rate > 0.0
     assert abs(speed * result.command.yaw_rate) == pytest.approx(MODEL.lateral)
+
+
+@pytest.mark.parametrize("drive", ["ackermann", "skid_steer"])
+def test_steered_wheels_may_lead_a_base_that_is_still_fast_onto_a_tighter_arc(drive: str) -> None:
+    heights = np.zeros((200, 400))
+    heights[82:88, 96:100] = 1.5  # 4 m to 5 m ahead, 3 m to 4.5 m to the right
+    steered = read_guard_model(find_model("ugv"))
+    model = steered._replace(vehicle=replace(steered.vehicle, drive=drive))
+    scene = GuardScene(model, map_of(heights), 1e9)
+    values = {"hold_time": 0.1, "late": 0.02, "load": 0.5}
+    result = decide(scene, motion(6.0), BaseCommand(2.4, -0.52), **values)
+    assert result.action == ("stop" if drive == "ackermann" else "slow")
 
 
 @pytest.mark.parametrize(("speed", "requested", "rate"), FAST_IN_TURNS)
