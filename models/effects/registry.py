@@ -194,6 +194,11 @@ def ground_term(effects: Iterable[Effect], place: Place) -> Elementwise:
     return total
 
 
+def has_ground_term(effect: Effect) -> bool:
+    """Whether :func:`ground_term` may add anything for an effect."""
+    return law_of(effect).enters in (Enters.GROUND, Enters.LASTING)
+
+
 def force_scale(effects: Iterable[Effect]) -> float:
     """Product of the scales of all lasting changes."""
     lasting = [e for e in effects if law_of(e).enters is Enters.LASTING]

@@ -21,13 +21,12 @@ from scipy.integrate import solve_ivp
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.brake_fade import remaining_share
-from slopewise.models.effects.effect_law import Enters, Place
+from slopewise.models.effects.effect_law import Place
 from slopewise.models.laws import braking, crest, wheel_lockup
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
 
 _PLACE = ("grade", "roll", "yaw", "curvature", "x", "y")
-_ON_GROUND = (Enters.GROUND, Enters.LASTING)
 
 MAX_STOP_TIME = 120.0  # a vehicle that still rolls after that time does not stop [s]
 _AVERAGED = 0.2  # time before the stop command over which the speed is averaged [s]
@@ -131,7 +130,7 @@ def force_law(
     """
     speed, share = max(onset_speed, on.speed_range[0]), on.share_at(level)
     rolling, scale = model.terrain.rolling_while_braking, registry.force_scale(model.effect)
-    on_ground = [e for e in model.effect if registry.law_of(e).enters in _ON_GROUND]
+    on_ground = list(filter(registry.has_ground_term, model.effect))
 
     def at(place: dict[str, float]) -> float:
         grade = place["grade"]

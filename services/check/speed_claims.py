@@ -19,7 +19,6 @@ from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.plan_line import Motion
 from slopewise.services.check.stop_ends import check_stops
 from slopewise.services.check.stop_integration import StopEnds
-from slopewise.services.check.tolerances import SERVICE
 
 RULES: dict[str, set[str]] = {
     "speed_limit": {"speed_limit"},
@@ -50,6 +49,7 @@ _AT_BOUND = 5e-4  # of v²: half of what is at its bound to a planner
 _BELOW_BOUND = 0.5  # of v²: planners lower bounds where their verifier objects
 _STILL = 0.05  # [m/s²] of the acceleration, as its tolerance of columns
 _FULL = 0.99  # of the acceleration that is allowed: rounding
+_SERVICE = 1.01  # of the deceleration that is allowed: who brakes harder brakes fully
 _SOME, _HALF = 0.1, 0.5  # of how fast speed may fall, and rise: less is not held back by that
 
 
@@ -120,7 +120,7 @@ def check_limiting(
         return
     names = np.array(plan.limiting)
     # Who starts too fast, and brakes fully, is held by no rule there.
-    service = motion.accel[rows] >= -SERVICE * drive.field.model.limits.decel
+    service = motion.accel[rows] >= -_SERVICE * drive.field.model.limits.decel
     moves = motion.moving[rows] & drive.ground.known[rows] & service
     # A bound of the row before or behind holds on the way there as well.
     wider = [set().union(*far[max(k - 1, 0) : k + 2]) for k in range(len(far))]

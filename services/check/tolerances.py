@@ -14,9 +14,6 @@ class Tolerance(NamedTuple):
     rationale: str  # origin of the value
 
 
-SERVICE = 1.01
-"""Deceleration that is allowed, in that of the model [1]: who brakes harder brakes fully."""
-
 _TABLE = """\
 speed_limit | 0.002 | m/s | faster than vehicle, path or trained range allow | rounding in files
 stopping_path | 0.01 | m | an emergency stop ends beyond the clear distance | grade between rows \

@@ -241,8 +241,7 @@ def _row(
 def _vertical_curvature(station: Floats, grade: Floats) -> Floats:
     """(M,) change of grade along the ground [1/m], as a model with crests takes it in a replay."""
     step = np.gradient(station)
-    bend: Floats = np.divide(np.gradient(grade), step, out=np.zeros_like(grade), where=step > 0.0)
-    return bend
+    return np.divide(np.gradient(grade), step, out=np.zeros_like(grade), where=step > 0.0)
 
 
 def _end_of_fall(record: StopRecord) -> float:

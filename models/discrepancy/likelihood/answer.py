@@ -92,8 +92,8 @@ def _alternatives(every: Sequence[Explanation], leader: Explanation) -> tuple[Ex
 def _with(named: Sequence[Explanation], first: str, of_names: Mapping[str, float]) -> Explanation:
     """The explanation that names the first one, and next to it only what is certain enough."""
     holding = [e for e in named if first in e.names]
-    sure = {n for n in holding[0].names if n == first or of_names[n] >= _COMPANION}
-    return next((e for e in holding if e.names == sure), holding[0])
+    confident = {n for n in holding[0].names if n == first or of_names[n] >= _COMPANION}
+    return next((e for e in holding if e.names == confident), holding[0])
 
 
 def _shares(every: Iterable[Explanation]) -> list[float]:

@@ -35,7 +35,7 @@ _SCALE = np.array([0.004, 0.15, 0.08, 0.15])  # of dead time [s], and logarithms
 _STEP = 0.05  # of derivatives, in these scales
 _SETTLING = 2  # steps of the dead time
 HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
-_MOST = 0.05  # by which a dead time is negative, or moves in a step [s]
+_MAX_SHIFT = 0.05  # by which a dead time is negative, or moves in a step [s]
 _TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
 
 
@@ -101,8 +101,8 @@ class Problem:
         """With the dead time where it belongs."""
         best = onset, self.at(onset, noise)
         for _ in range(_SETTLING):
-            step = float(np.clip(best[1].mean[0], -_MOST, _MOST))
-            moved = replace(onset, dead_time=max(best[0].dead_time + step, -_MOST))
+            step = float(np.clip(best[1].mean[0], -_MAX_SHIFT, _MAX_SHIFT))
+            moved = replace(onset, dead_time=max(best[0].dead_time + step, -_MAX_SHIFT))
             now = self.at(moved, noise)
             if now.evidence < best[1].evidence:
                 break
@@ -116,7 +116,7 @@ class Problem:
             tau, oscillation, damping = np.exp(np.clip(x[1:], np.log(3e-3), np.log(8.0)))
             return replace(
                 start,
-                dead_time=max(float(x[0]), -_MOST),
+                dead_time=max(float(x[0]), -_MAX_SHIFT),
                 build_up=float(min(tau, 0.8)),
                 oscillation=float(oscillation),
                 damping=float(min(damping, 1.0)),
@@ -242,7 +242,7 @@ def _followed(problem: Problem, log_prior: float, best: Onset, noise: Floats) ->
         for i in order:
             # What the build-up delays, the dead time gives back.
             moved = near.dead_time - 0.8 * (taus[i] - near.build_up)
-            at = replace(near, dead_time=max(float(moved), -_MOST), build_up=float(taus[i]))
+            at = replace(near, dead_time=max(float(moved), -_MAX_SHIFT), build_up=float(taus[i]))
             found[i] = (at, problem.at(at, noise)) if i == middle else problem.settled(at, noise)
             near = found[i][0]
             if found[i][1].evidence < found[middle][1].evidence - HOPELESS:

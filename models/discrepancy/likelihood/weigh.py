@@ -25,7 +25,7 @@ from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
 
-_LEADERS = 3  # sets that are followed to the end, with an onset of their own
+_LEADERS = 3  # sets that are followed to the end, with a separate onset
 LAG = next(name for name, law in LAWS.items() if law.enters is Enters.LAG)
 """Name of the effect that is an onset, not a column."""
 _POINTS = 120  # points of the integral over ln τ

@@ -90,9 +90,8 @@ def demanded_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) 
         values = registry.validate(effect)
         changed = (table.run >= values["run"])[:, None]
         force = np.where(changed, LAWS[effect.name].law(force, *values.values()), force)
-    for effect in everywhere:
-        if LAWS[effect.name].enters in (Enters.GROUND, Enters.LASTING):
-            force = force + _force_of(table, effect, place)
+    for effect in filter(registry.has_ground_term, everywhere):
+        force = force + _force_of(table, effect, place)
     return force
 
 
@@ -117,8 +116,7 @@ def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Float
     total = np.zeros_like(values)
     np.cumsum(0.5 * (values[:, 1:] + values[:, :-1]) * step, axis=1, out=total[:, 1:])
     at_onset = at_time(total, t, onset)[:, None]
-    result: Floats = np.where(t > onset, total - at_onset, 0.0)
-    return result
+    return np.where(t > onset, total - at_onset, 0.0)
 
 
 def at_time(values: Floats, t: Floats, when: float) -> Floats:
@@ -128,8 +126,7 @@ def at_time(values: Floats, t: Floats, when: float) -> Floats:
     left = place.astype(np.int64)
     share = (place - left).reshape(-1, *(1,) * (values.ndim - 2))
     rows = np.arange(len(t))
-    result: Floats = (1.0 - share) * values[rows, left] + share * values[rows, left + 1]
-    return result
+    return (1.0 - share) * values[rows, left] + share * values[rows, left + 1]
 
 
 def simulate(

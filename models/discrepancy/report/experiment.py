@@ -128,15 +128,15 @@ def sharpening(table: StopTable, best: Refit, beyond: float = 0.0) -> Experiment
     stops = tuple(plans[i] for i in chosen)
     shrink = float(np.max(after / np.maximum(before, 1e-300)))
     if shrink > _SHARPER:
-        words = f"{_STOPS} more stops would not make the numbers surer"
+        text = f"{_STOPS} more stops would not make the numbers surer"
         if beyond > 0.0:
-            words += (
+            text += (
                 f", but stops still end up to {beyond:.2f} m beyond the prediction: repeat the "
                 "longest and the steepest ones, everything the same"
             )
         else:
-            words = f"nothing is needed: {words}"
-        return Experiment(words, stops, 1)
+            text = f"nothing is needed: {text}"
+        return Experiment(text, stops, 1)
     text = f"to sharpen the numbers by a factor of {1.0 / max(shrink, 1e-3):.1f}, drive "
     return Experiment(text + _listed(stops), stops, 1)
 
@@ -277,16 +277,16 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
 def _listed(stops: Sequence[PlannedStop]) -> str:
     counts: dict[str, int] = {}
     for stop in stops:
-        words = f"{stop.speed:.1f} m/s at {np.rad2deg(stop.grade):+.0f}°"
+        text = f"{stop.speed:.1f} m/s at {np.rad2deg(stop.grade):+.0f}°"
         if stop.heading is not None:
-            words += f" heading {np.rad2deg(stop.heading):.0f}°"
+            text += f" heading {np.rad2deg(stop.heading):.0f}°"
         if stop.roll:
-            words += f" leaning {np.rad2deg(stop.roll):.0f}°"
+            text += f" leaning {np.rad2deg(stop.roll):.0f}°"
         if stop.yaw_rate:
-            words += f" turning at {stop.yaw_rate:.2f} rad/s"
+            text += f" turning at {stop.yaw_rate:.2f} rad/s"
         if stop.x is not None and stop.y is not None:
-            words += f" at ({stop.x:.0f}, {stop.y:.0f}) m"
+            text += f" at ({stop.x:.0f}, {stop.y:.0f}) m"
         if stop.pause is not None:
-            words += f" after {stop.pause:.0f} s"
-        counts[words] = counts.get(words, 0) + 1
+            text += f" after {stop.pause:.0f} s"
+        counts[text] = counts.get(text, 0) + 1
     return "; ".join(f"{n} × {w}" if n > 1 else w for w, n in counts.items())
