@@ -48,8 +48,8 @@ def answered(every: Sequence[Explanation]) -> Answer:
     axis = max(axes, key=lambda a: axes[a], default="")
     # A name next to a cause without one is not certain to be what it seems.
     of_names = _summed((n, s) for e, s in each if not e.axes for n in e.names)
-    along = sum(s for e, s in each if e.axes)
-    none = sum(s for e, s in each if not e.axes and not e.names)
+    along = min(sum(s for e, s in each if e.axes), 1.0)
+    none = min(sum(s for e, s in each if not e.axes and not e.names), 1.0)
     if along >= _ANSWERED:
         leader = next(e for e in every if e.axes)
         return Answer(Verdict.UNKNOWN, leader, calm, axis, along, of_names)
@@ -105,5 +105,6 @@ def _shares(every: Iterable[Explanation]) -> list[float]:
 def _summed(items: Iterable[tuple[str, float]]) -> dict[str, float]:
     total: dict[str, float] = {}
     for name, share in items:
-        total[name] = total.get(name, 0.0) + share
+        # Rounding makes a sum of all shares larger than 1.
+        total[name] = min(total.get(name, 0.0) + share, 1.0)
     return total
