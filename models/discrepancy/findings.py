@@ -152,7 +152,7 @@ class AxisResidual:
     """An axis that residuals are shown against.
 
     Attributes:
-        name, unit: as of the axis. value: (S, 3) at begin, middle and end of the braking.
+        name, unit: those of the axis. value: (S, 3) at begin, middle and end of the braking.
         p_value: significance of the residual before.
     """
 
@@ -209,7 +209,7 @@ class Findings:
         gap: in speed. stop_distance: in metres. next_experiment: what to drive.
         model: to plan with from now on. added: effects in it that were not there before.
         stops: number of stops used. notes: warnings, in sentences. seconds: that it took.
-        cost: of what was found. changes: of the model file, as text.
+        cost: of what was found. changes: edits of the model file, as text.
         resolvable: change of a stop, beyond what new coefficients can do, from which each effect
             would have been seen in five logs of six like this one [m].
         evidence: residuals that pictures are made of.

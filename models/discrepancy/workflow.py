@@ -17,7 +17,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.prepare import prepare
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import Gaps, distance_floor
-from slopewise.models.discrepancy.decide.no_harm import held_to_account
+from slopewise.models.discrepancy.decide.held_out import held_to_account
 from slopewise.models.discrepancy.decide.revised import revised
 from slopewise.models.discrepancy.decide.verdict import decide
 from slopewise.models.discrepancy.findings import Findings
@@ -57,7 +57,7 @@ def investigate(
             has; further numeric columns are candidate explanations.
         runs: samples of each run. model: as configured.
         ground: (n,) grade of the ground from a map [rad], NaN where unknown.
-        settings: required confidence. source: of the log, written into added effects.
+        settings: required confidence. source: name of the log, written into added effects.
         advance: receives hundredths of the typical time when they are done.
 
     Raises:

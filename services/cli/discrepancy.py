@@ -63,7 +63,7 @@ def discrepancy(
 
 def _tables(findings: Findings) -> Iterator[Any]:
     """Verdict, named effects, gap, and the next stops to drive."""
-    from slopewise.models.discrepancy.report.words import answers, closed_words
+    from slopewise.models.discrepancy.report.text import answers, closed_text
     from slopewise.services.report.discrepancy_page import effect_cells
 
     summary = f" – {findings.summary}" if findings.summary else ""
@@ -74,7 +74,7 @@ def _tables(findings: Findings) -> Iterator[Any]:
     for gap in (findings.gap, findings.stop_distance):
         yield line(
             f"{gap.metric}: {gap.before:.3f} {gap.unit} as configured, {gap.refit:.3f} refitted, "
-            f"{gap.after:.3f} with the effects, floor {gap.noise_floor:.3f}; {closed_words(gap)}"
+            f"{gap.after:.3f} with the effects, floor {gap.noise_floor:.3f}; {closed_text(gap)}"
         )
     for axis in findings.located[:_AXES]:
         share = f"{axis.share_of_gap:.0%} of the remainder"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from slopewise.models.discrepancy.report.words import sure_words
+from slopewise.models.discrepancy.report.text import confidence_text
 from slopewise.services.fleet.vehicle_finding import DONE, Row
 from slopewise.services.jobs.summary import Summary
 
@@ -44,7 +44,7 @@ class EffectPrevalence(Summary, frozen=True):
         ambiguous = str(len(self.ambiguous_in)) if self.ambiguous_in else ""
         if self.confidence is None:
             return "", "", "", ambiguous, ""
-        low, _, high = map(sure_words, self.confidence)
+        low, _, high = map(confidence_text, self.confidence)
         confidence = low if low == high else f"{low} … {high}"
         parts = []
         for name, p in self.parameters.items():
@@ -152,5 +152,5 @@ def format_effects(row: Row) -> str:
     parts = []
     for effect in row["effects"]:
         alternatives = "".join(f" or {name}" for name in effect["alternatives"])
-        parts.append(f"{effect['name']} {sure_words(effect['confidence'])}{alternatives}")
+        parts.append(f"{effect['name']} {confidence_text(effect['confidence'])}{alternatives}")
     return ", ".join(parts)

@@ -18,7 +18,7 @@ from slopewise.models.discrepancy.findings import (
     NamedEffect,
     Verdict,
 )
-from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
+from slopewise.models.discrepancy.report.text import answers, closed_text, confidence_text
 from slopewise.models.effects.registry import LAWS
 from slopewise.services.jobs.plural import plural
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
@@ -78,7 +78,7 @@ def write_discrepancy_page(
 def _closed(gap: Gap) -> str:
     if gap.closed is None or gap.ci95 is None:
         return "The gap is too near its floor for a percentage."
-    return f"Of the closable gap {closed_words(gap)}."
+    return f"Of the closable gap {closed_text(gap)}."
 
 
 def effect_cells(effect: NamedEffect) -> tuple[str, str, str, str, str]:
@@ -94,7 +94,7 @@ def effect_cells(effect: NamedEffect) -> tuple[str, str, str, str, str]:
         f"any other: {1.0 - effect.confidence:.0%}" if effect.confidence < _CONFIDENT else "–"
     )
     alternatives = ", ".join(effect.alternatives) or remainder
-    return effect.name, parameters, sure_words(effect.confidence), alternatives, effect.where
+    return effect.name, parameters, confidence_text(effect.confidence), alternatives, effect.where
 
 
 def _axis_cells(axis: LocatedAxis) -> tuple[str, ...]:

@@ -49,8 +49,8 @@ def prepare(
         return model.braking.m_m * v + model.braking.b_m
 
     def mount_and_slope(_: Measured, mount: Mount) -> tuple[Mount, Slope] | None:
-        askew = _known_mount(mount, mapped)
-        return None if askew is None else (askew, slope)
+        mount_angle = _known_mount(mount, mapped)
+        return None if mount_angle is None else (mount_angle, slope)
 
     log = measure_stops(
         columns, runs, slope, mount_and_slope, ground=ground, settings=settings.stops
@@ -62,7 +62,7 @@ def prepare(
     notes = []
     if log.mount.known and not mapped:
         notes.append(
-            f"pitch sensor mounted {np.rad2deg(log.mount.offset):+.2f}° askew by "
+            f"pitch sensor mounted {np.rad2deg(log.mount.offset):+.2f}° off by "
             f"{log.mount.source}: taken out of the grades"
         )
     excluded = [w for w in windows if not w.usable]

@@ -69,7 +69,7 @@ class StopTable(StopGround):
         run: (S,) position of the run in the log. run_names: (S,) its name.
         session: (S,) number of the session.
         terrain: (S,) named surface, "" without. distance, standstill_time: (S,) measured [m], [s].
-        sample: time between samples [s]. onset: of the brakes, as calibration finds it [s].
+        sample: time between samples [s]. onset: start of braking, as calibration finds it [s].
         force: (S,) F_b/W as each stop shows individually.
         further: other numeric columns, mean over each stop, (S,) by name.
         warmed: (S, 2, E) of all stops that heated the brakes: seconds from their end to the

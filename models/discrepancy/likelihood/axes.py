@@ -36,17 +36,17 @@ class Axis:
 
 def causes_of(table: StopTable) -> list[Axis]:
     """Axes of causes that have no name, where stops differ along them."""
-    one = np.ones_like(table.speed)
+    constant = np.ones_like(table.speed)
     curves = {
         ("grade", "rad"): table.grade,
-        ("onset_speed", "m/s"): table.held[:, None] * one,
-        ("time", "s"): table.session_time[:, None] * one,
+        ("onset_speed", "m/s"): table.held[:, None] * constant,
+        ("time", "s"): table.session_time[:, None] * constant,
     }
     for name, unit in (("roll", "rad"), ("yaw_rate", "rad/s")):
         if name in table.logged:
             values = getattr(table, name)
             curves[name, unit] = np.clip(values, *np.quantile(values, [0.01, 0.99]))
-    curves |= {(name, ""): values[:, None] * one for name, values in table.further.items()}
+    curves |= {(name, ""): values[:, None] * constant for name, values in table.further.items()}
     curves["speed", "m/s"] = table.speed
     axes = [_curve(*name, values) for name, values in curves.items()]
     if "yaw" in table.logged:
@@ -62,19 +62,19 @@ def causes_of(table: StopTable) -> list[Axis]:
 
 def axes_of(table: StopTable, dead_time: float) -> list[Axis]:
     """Every axis on which the stops of the log differ."""
-    one = np.ones_like(table.time)
+    constant = np.ones_like(table.time)
     curves = {
         ("abs_grade", "rad"): np.abs(table.grade),
         ("time_since_onset", "s"): np.maximum(table.time - dead_time, 0.0),
         ("brake_heat", "J/kg"): heat(table, COOLING, table.speed, table.time, dead_time),
-        ("run", "1"): _order(table)[:, None] * one,
+        ("run", "1"): _order(table)[:, None] * constant,
     }
     if "vertical_curvature" in table.logged:
         curves["vertical_curvature", "1/m"] = table.vertical_curvature
     names = sorted(set(table.terrain))
     if len(names) > 1:
         kinds = np.array([names.index(t) for t in table.terrain], np.float64)
-        curves["terrain", "1"] = kinds[:, None] * one
+        curves["terrain", "1"] = kinds[:, None] * constant
     further = [_curve(*name, values) for name, values in curves.items()]
     causes = [a for a in causes_of(table) if a.name != "station"]
     return [*causes, *(a for a in further if np.ptp(a.values) > 1e-9)]

@@ -96,8 +96,8 @@ class Dictionary:
 def spikes_of(table: StopTable, model: Model) -> tuple[Floats, Floats]:
     """(S, M, Q) shares of one smooth form of every effect, and (Q,) whether brakes bring them."""
     seen = stops_seen(table, Hypothesis.configured(model))
-    v, one = table.speed, np.ones_like(table.speed)
-    clock = table.session_time[:, None] * one
+    v, constant = table.speed, np.ones_like(table.speed)
+    clock = table.session_time[:, None] * constant
     brakes = [np.fmax(table.grade, 0.0), table.grade * np.abs(table.grade), np.abs(table.roll)]
     brakes += [clock, seen.built * seen.heat(COOLING)]
     brakes += [np.cos(table.yaw), np.sin(table.yaw), np.cos(2 * table.yaw), np.sin(2 * table.yaw)]

@@ -85,10 +85,10 @@ class Problem:
 
     def solve(self, grams: Grams, std: Floats, noise: Floats) -> Solved:
         """All columns integrated out."""
-        both = solved_both(grams, std, noise, self.trace.calibrated, self._centre(std))
-        evidence = mixed(both[0].evidence, both[1].evidence)
-        changed = share_changed(both[1].evidence, evidence)
-        return replace(both[changed > 0.5], evidence=evidence, changed=changed)
+        solutions = solved_both(grams, std, noise, self.trace.calibrated, self._centre(std))
+        evidence = mixed(solutions[0].evidence, solutions[1].evidence)
+        changed = share_changed(solutions[1].evidence, evidence)
+        return replace(solutions[changed > 0.5], evidence=evidence, changed=changed)
 
     def _centre(self, std: Floats) -> Floats:
         return np.concatenate([np.zeros(len(std) - len(self.centre)), self.centre])
@@ -124,8 +124,8 @@ class Problem:
 
         def loss(z: Floats) -> float:
             y = x + _SCALE * z
-            off = (y[2:] - typical) / prior.LOG_SPREAD
-            return float(0.5 * (off @ off) - self.at(at(y), noise).evidence)
+            deviation = (y[2:] - typical) / prior.LOG_SPREAD
+            return float(0.5 * (deviation @ deviation) - self.at(at(y), noise).evidence)
 
         typical = np.log([OSCILLATION, DAMPING])
         x = np.array([start.dead_time, *np.log([start.build_up, start.oscillation, start.damping])])
@@ -191,8 +191,8 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
     table, noise = problem.trace.table, prior.NOISE.copy()
     total = table.onset + prior.BUILD_UP
     # Wild stops would hide in waves and axes before their scatter was found.
-    off = np.median(np.abs(table.force - np.median(table.force)))
-    noise[1] = max(float(off) / problem.trace.force, noise[1])
+    deviation = np.median(np.abs(table.force - np.median(table.force)))
+    noise[1] = max(float(deviation) / problem.trace.force, noise[1])
     tried = [
         max(
             (
@@ -220,14 +220,14 @@ def _converged(problem: Problem, onset: Onset, noise: Floats) -> tuple[Onset, Fl
         return problem.at(*state).evidence + of_noise(state[1])
 
     best = (onset, problem.noise(onset, noise))
-    most = evidence(best)
+    max_evidence = evidence(best)
     for _ in range(_TURNS):
         onset = problem.onset(*best)
         state = (onset, problem.noise(onset, best[1]))
-        before, now = most, evidence(state)
-        if now > most:
-            best, most = state, now
-        if most < before + _GAIN:
+        before, now = max_evidence, evidence(state)
+        if now > max_evidence:
+            best, max_evidence = state, now
+        if max_evidence < before + _GAIN:
             break
     return best
 
@@ -236,26 +236,26 @@ def _followed(problem: Problem, log_prior: float, best: Onset, noise: Floats) ->
     """Over all build-ups, outward from the best one, the dead time relinearised at each."""
     taus = np.unique(np.append(BUILD_UPS, best.build_up))
     middle = int(np.searchsorted(taus, best.build_up))
-    found: dict[int, tuple[Onset, Solved]] = {}
+    state_at: dict[int, tuple[Onset, Solved]] = {}
     for order in (range(middle, len(taus)), range(middle - 1, -1, -1)):
-        near = best if not found else found[middle][0]
+        near = best if not state_at else state_at[middle][0]
         for i in order:
             # What the build-up delays, the dead time gives back.
             moved = near.dead_time - 0.8 * (taus[i] - near.build_up)
             at = replace(near, dead_time=max(float(moved), -_MAX_SHIFT), build_up=float(taus[i]))
-            found[i] = (at, problem.at(at, noise)) if i == middle else problem.settled(at, noise)
-            near = found[i][0]
-            if found[i][1].evidence < found[middle][1].evidence - HOPELESS:
+            state_at[i] = (at, problem.at(at, noise)) if i == middle else problem.settled(at, noise)
+            near = state_at[i][0]
+            if state_at[i][1].evidence < state_at[middle][1].evidence - HOPELESS:
                 break
-    known = sorted(found)
+    known = sorted(state_at)
     return Fit(
         problem.trace,
         problem.extra,
         problem.chosen,
-        tuple(found[i][0] for i in known),
+        tuple(state_at[i][0] for i in known),
         noise,
-        np.array([found[i][1].evidence for i in known]) + of_noise(noise),
-        tuple(found[i][1] for i in known),
+        np.array([state_at[i][1].evidence for i in known]) + of_noise(noise),
+        tuple(state_at[i][1] for i in known),
         log_prior,
         settled=True,
     )

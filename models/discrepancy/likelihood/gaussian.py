@@ -19,28 +19,28 @@ class Grams:
     """Products of columns, weighed by samples; the last column is what is to be explained.
 
     Attributes:
-        total: (P, P) over all stops. own: (S, R, P) of each stop's own effects with all columns.
+        total: (P, P) over all stops. per_stop: (S, R, P) of effects of each stop with all.
         square: (S, R, R) of them with one another. rows: number of bins. log_weight: Σ ln D.
     """
 
     total: Floats
-    own: Floats
+    per_stop: Floats
     square: Floats
     rows: int
     log_weight: float
 
     @classmethod
-    def of(cls, columns: Floats, own: Floats, spread: Floats) -> Grams:
+    def of(cls, columns: Floats, per_stop: Floats, spread: Floats) -> Grams:
         """Of columns (S, K, P) and own effects (S, K, R), with variances (S, K) without σ²."""
         used = spread > 0.0
         weight = np.where(used, 1.0 / np.where(used, spread, 1.0), 0.0)
         root = np.sqrt(weight)[:, :, None]
         flat = (columns * root).reshape(-1, columns.shape[2])
-        mine = np.swapaxes(own * weight[:, :, None], 1, 2)
+        mine = np.swapaxes(per_stop * weight[:, :, None], 1, 2)
         return cls(
             flat.T @ flat,
             mine @ columns,
-            mine @ own,
+            mine @ per_stop,
             int(used.sum()),
             float(np.log(spread[used]).sum()),
         )
@@ -52,8 +52,8 @@ class Grams:
         """
         inner = self.square / noise**2 + np.diag(1.0 / variance)
         inverse = np.linalg.inv(inner)
-        solutions = inverse @ (self.own / noise**2)
-        flat = self.own.reshape(-1, self.own.shape[2])
+        solutions = inverse @ (self.per_stop / noise**2)
+        flat = self.per_stop.reshape(-1, self.per_stop.shape[2])
         weighed: Floats = (self.total - flat.T @ solutions.reshape(flat.shape)) / noise**2
         stops = len(self.square)
         log_det = self.rows * 2.0 * np.log(noise) + self.log_weight

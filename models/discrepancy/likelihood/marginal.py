@@ -12,8 +12,8 @@ from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, EARLY_PLA
 
 def of_noise(noise: Floats) -> float:
     """Ln of its prior, 0 where it is usual."""
-    usual = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
-    return -0.5 * float(usual @ usual)
+    deviation = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
+    return -0.5 * float(deviation @ deviation)
 
 
 def solved_both(
@@ -52,9 +52,9 @@ def by_noise(
         evidences.append(solution.evidence)
     evidence = mixed(*evidences)
     changed = share_changed(evidences[1], evidence)
-    off = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
+    deviation = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
     slope = (1.0 - changed) * np.array(slopes[0]) + changed * np.array(slopes[1])
-    return evidence + of_noise(noise), slope - off / prior.NOISE_SPREAD
+    return evidence + of_noise(noise), slope - deviation / prior.NOISE_SPREAD
 
 
 def _both_stds(std: Floats, noise: Floats, calibrated: Floats) -> tuple[Floats, Floats]:

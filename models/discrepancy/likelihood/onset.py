@@ -147,7 +147,7 @@ class Integrated:
     def joined(self, other: Integrated) -> Integrated:
         """These columns and those of another one."""
         each = ((self.shares, other.shares), (self.integral, other.integral))
-        shares, integral = (np.concatenate(both, axis=2) for both in each)
+        shares, integral = (np.concatenate(columns, axis=2) for columns in each)
         mean = np.concatenate((self.mean, other.mean), axis=2)
         return Integrated(shares, integral, mean, np.append(self.through, other.through))
 

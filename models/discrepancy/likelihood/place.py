@@ -61,11 +61,11 @@ class _Gains:
         rest = [c for c in fit.chosen if c.name != name]
         usable = [c.name != name for c in fit.chosen for _ in range(c.count)]
         columns = fit.extra.take(np.flatnonzero(usable).tolist())
-        self.every, self.own, std = columns_at(self.trace, self.onset, columns)
+        self.every, self.per_stop, std = columns_at(self.trace, self.onset, columns)
         rest_std, rest_centre = prior_of(rest)
         centre = np.concatenate([np.zeros(len(std)), rest_centre])
         std = np.concatenate([std, rest_std])
-        grams = Grams.of(self.every, self.own, self.trace.table.spread)
+        grams = Grams.of(self.every, self.per_stop, self.trace.table.spread)
         solutions = solved_both(grams, std, noise, self.trace.calibrated, centre)
         self.best = max(solutions, key=lambda s: s.evidence)
         self.moment = Moment.of(self.trace.samples, self.onset)
@@ -75,8 +75,8 @@ class _Gains:
         trace, table, count = self.trace, self.trace.table, shares.shape[2]
         columns = Integrated.of(table, shares, np.ones(count, bool))
         added = -columns.fallen(table, self.onset, self.moment)
-        grams = Grams.of(np.concatenate([added, self.every], axis=2), self.own, table.spread)
-        variance = prior.own_variance(self.noise, self.own.shape[2])
+        grams = Grams.of(np.concatenate([added, self.every], axis=2), self.per_stop, table.spread)
+        variance = prior.own_variance(self.noise, self.per_stop.shape[2])
         weighed = grams.whitened(self.noise[0], variance)[0]
         cross = weighed[:count, count:]
         shared, pull = cross[:, :-1], cross[:, -1] - cross[:, :-1] @ self.best.mean
@@ -172,8 +172,8 @@ def _patch(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, floa
             break
         tried, max_gain = tried[order[:_POPULATION]], float(gain.max())
     likely = tried[order[gain[order] > gain.max() - _JUMP]]
-    off = np.abs(likely - likely[0]).max(axis=0)
-    extent = {name: float(std) for name, std in zip(_NUMBERS, off / _NORMAL, strict=True)}
+    spread = np.abs(likely - likely[0]).max(axis=0)
+    extent = {name: float(std) for name, std in zip(_NUMBERS, spread / _NORMAL, strict=True)}
     spaced = likely[:: max(len(likely) // _POPULATION, 1)]
     return [dict(zip(_NUMBERS, circle.tolist(), strict=True)) for circle in spaced], extent
 

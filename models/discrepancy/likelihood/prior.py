@@ -51,7 +51,7 @@ def calibrated(force: float, speed: float, covariance: Matrix | None) -> Floats:
 
     Args:
         force: typical F_b/W [1]. speed: mean at the onset, about which coefficients are [m/s].
-        covariance: of the file's coefficients, None where it states none.
+        covariance: that of the file's coefficients, None where it states none.
     """
     between_days = np.array([SESSION * force, 0.03, 0.004, 0.008])
     if covariance is None:

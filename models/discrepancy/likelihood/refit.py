@@ -31,7 +31,7 @@ from slopewise.models.parameters import Effect
 
 _STEP = 1e-3  # of derivatives, of a number's scale: rounding is a thousandth of it [1]
 _BUILD_UP_SPREAD = 0.1  # of the build-up of brakes that have no lag, share of it [1]
-_MOST_WIDER = 2.0  # by which scattering stops widen an interval: more are no fault of noise [1]
+_MAX_WIDENING = 2.0  # by which scattering stops widen an interval: more are no fault of noise [1]
 
 
 class Known(NamedTuple):
@@ -198,7 +198,7 @@ def improved(table: StopTable, start: Hypothesis, whitener: Whitener, known: Kno
     """Least squares within the bounds of all numbers, the coefficients drawn to those configured.
 
     Args:
-        table: stops. start: from which to begin. whitener: of the same stops.
+        table: stops. start: from which to begin. whitener: that of these stops.
         known: prior of the numbers.
     """
     scales = start.scales
@@ -245,7 +245,7 @@ def _robust(covariance: Floats, x: Floats, r: Floats, shape: tuple[int, ...]) ->
     count = int(np.prod(shape))
     scores = (x * r[:, None])[:count].reshape(*shape, -1).sum(axis=1)
     sandwich = covariance @ (scores.T @ scores) @ covariance
-    usual = np.maximum(np.diag(covariance), 1e-300)
-    wider = np.sqrt(np.clip(np.diag(sandwich) / usual, 1.0, _MOST_WIDER**2))
+    variance = np.maximum(np.diag(covariance), 1e-300)
+    wider = np.sqrt(np.clip(np.diag(sandwich) / variance, 1.0, _MAX_WIDENING**2))
     result: Floats = covariance * np.outer(wider, wider)
     return result

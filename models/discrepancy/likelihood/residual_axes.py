@@ -39,9 +39,9 @@ class ResidualAxis:
     @property
     def part(self) -> tuple[float, float]:
         """Where most of it sits: more than half of its largest departure from the usual."""
-        off = self.share - np.median(self.share)
-        low, high = np.quantile(off, [0.02, 0.98])
-        strong = off >= 0.5 * high if high >= -low else off <= 0.5 * low
+        deviation = self.share - np.median(self.share)
+        low, high = np.quantile(deviation, [0.02, 0.98])
+        strong = deviation >= 0.5 * high if high >= -low else deviation <= 0.5 * low
         begin, end = np.quantile(self.axis.values[strong], [0.02, 0.98])
         return float(begin), float(end)
 
@@ -62,13 +62,13 @@ def residual_axes(trace: Trace, fit: Refit) -> list[ResidualAxis]:
     best: dict[str, tuple[float, Axis, Floats, Floats]] = {}
     first = 0
     for axis, shapes in tried:
-        own = slice(first, first + shapes.shape[2])
-        first = own.stop
-        strength, mean = _explained(beyond[:, 0], beyond[:, 1:][:, own], rows[:, 1:][:, own])
+        within = slice(first, first + shapes.shape[2])
+        first = within.stop
+        strength, mean = _explained(beyond[:, 0], beyond[:, 1:][:, within], rows[:, 1:][:, within])
         if axis.name not in best or strength > best[axis.name][0]:
-            best[axis.name] = strength, axis, -(shapes @ mean), columns[:, :, own] @ mean
+            best[axis.name] = strength, axis, -(shapes @ mean), columns[:, :, within] @ mean
     used = table.spread > 0.0
-    found = [
+    axes_found = [
         ResidualAxis(
             axis,
             float(-np.expm1(len(tried) * np.log1p(-np.exp(-max(strength, 1e-12))))),
@@ -78,7 +78,7 @@ def residual_axes(trace: Trace, fit: Refit) -> list[ResidualAxis]:
         )
         for strength, axis, share, taken in best.values()
     ]
-    return sorted(found, key=lambda f: -f.strength)
+    return sorted(axes_found, key=lambda f: -f.strength)
 
 
 def mainly_along(located: list[ResidualAxis]) -> ResidualAxis | None:

@@ -97,15 +97,15 @@ class _Normal:
         bias = _bias(trace)
         shares = np.concatenate([named.shares, bias.shares], axis=2)
         through = np.append(named.through, bias.through)
-        every, own, std = columns_at(trace, onset, Integrated.of(table, shares, through))
+        every, per_stop, std = columns_at(trace, onset, Integrated.of(table, shares, through))
         # Gravity and brakes have the same bias; candidates and it end before the residuals.
         every[:, :, -3] += every[:, :, -2]
         # A single cause leaves the dead time as configured.
         late = onset.dead_time + onset.build_up - trace.model.braking.dead_time
         every[:, :, -2] = every[:, :, -1] + late * every[:, :, 0]
         candidates = every[:, :, len(std) : -2]
-        variance = prior.own_variance(fit.noise, own.shape[2])
-        weighed = Grams.of(every, own, table.spread).whitened(fit.noise[0], variance)[0]
+        variance = prior.own_variance(fit.noise, per_stop.shape[2])
+        weighed = Grams.of(every, per_stop, table.spread).whitened(fit.noise[0], variance)[0]
         last = np.append(np.arange(len(std)), [-1, -2])
         self.inner, self.cross = weighed[: len(std), last], weighed[len(std) : -2, last]
         self.sides = np.diag(weighed)[[-1, -2]]
@@ -124,13 +124,13 @@ class _Normal:
         of six would show it, in the stops that it changes most.
         """
         inner = self.inner[np.ix_(self.base, self.base)]
-        cross, own = self.cross[:-1, self.base].T, self.squares[:-1]
+        cross, alone = self.cross[:-1, self.base].T, self.squares[:-1]
         taken = np.linalg.solve(inner + np.diag(1e-9 * np.diag(inner)), cross)
-        left = np.maximum(own - np.sum(cross * taken, axis=0), 0.0)
+        left = np.maximum(alone - np.sum(cross * taken, axis=0), 0.0)
         change = np.abs(self.candidates_way - self.way @ taken)
-        known = np.where(left > ROUNDING * own, left, np.nan)
+        known = np.where(left > ROUNDING * alone, left, np.nan)
         size = np.sort(change, axis=0)[-CHANGED_STOPS] * (np.sqrt(NAMED_FROM) + 1.0)
-        absorbed = np.asarray(1.0 - left / np.maximum(own, 1e-300), np.float64)
+        absorbed = np.asarray(1.0 - left / np.maximum(alone, 1e-300), np.float64)
         return absorbed, np.nan_to_num(size / np.sqrt(known), nan=np.inf)
 
     def base_chi_square(self) -> float:

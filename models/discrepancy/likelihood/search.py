@@ -21,7 +21,7 @@ _DEPTH, WIDTH = 2, 6
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class EffectSet:
     """A set of explanations, with ln of its weight at the onset of the base.
 
     Attributes:
@@ -46,39 +46,39 @@ class Found:
         return weight
 
 
-def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[Found]:
+def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[EffectSet]:
     """Sets worth refitting, the heaviest first; the empty one is among them."""
     grams, std = grams_at(trace, fit.onsets[at], book.columns)
-    both = solved_both(grams, std, fit.noise, trace.calibrated)
-    nothing = Found((), (both[0].evidence, both[1].evidence), 0.0)
-    found: dict[frozenset[str], Found] = {}
+    solutions = solved_both(grams, std, fit.noise, trace.calibrated)
+    nothing = EffectSet((), (solutions[0].evidence, solutions[1].evidence), 0.0)
+    best: dict[frozenset[str], EffectSet] = {}
     beam = [nothing]
     for depth in range(_DEPTH):
-        for grown in [n for f in beam for n in _grown(f, book, both, depth)]:
-            if grown.names not in found or grown.log_weight > found[grown.names].log_weight:
-                found[grown.names] = grown
-        deep = [f for names, f in found.items() if len(names) == depth + 1]
+        for grown in [n for f in beam for n in _grown(f, book, solutions, depth)]:
+            if grown.names not in best or grown.log_weight > best[grown.names].log_weight:
+                best[grown.names] = grown
+        deep = [f for names, f in best.items() if len(names) == depth + 1]
         beam = sorted(deep, key=lambda f: -f.log_weight)[:WIDTH]
-    return sorted((nothing, *found.values()), key=lambda f: -f.log_weight)
+    return sorted((nothing, *best.values()), key=lambda f: -f.log_weight)
 
 
-def _grown(found: Found, book: Dictionary, both: tuple[Solved, Solved], depth: int) -> list[Found]:
+def _grown(
+    start: EffectSet, book: Dictionary, base: tuple[Solved, Solved], depth: int
+) -> list[EffectSet]:
     """With one more name, the best column of each, grids summed."""
-    conditional = [conditioned(base.left, base.pull, found.chosen) for base in both]
-    (gain, sign), (changed_gain, changed_sign) = (
-        gains_of(*rest, book.candidates) for rest in conditional
-    )
-    each = found.each[0] + gain, found.each[1] + changed_gain
+    left = (conditioned(b.left, b.pull, start.chosen) for b in base)
+    (gain, sign), (changed_gain, changed_sign) = (gains_of(*x, book.candidates) for x in left)
+    each = start.each[0] + gain, start.each[1] + changed_gain
     tempered = prior.TEMPER * mixed(*each)
     log_weight = book.log_prior + np.where(changed_gain > gain, changed_sign, sign) + tempered
     price = np.log(prior.FURTHER) if depth else 0.0
     grown = []
     for group in book.groups:
-        if book.candidates[group.start].name not in found.names:
+        if book.candidates[group.start].name not in start.names:
             i = group.start + int(np.argmax(log_weight[group]))
-            log_prior = found.log_prior + price + float(logsumexp(log_weight[group]) - tempered[i])
+            log_prior = start.log_prior + price + float(logsumexp(log_weight[group]) - tempered[i])
             evidence = float(each[0][i]), float(each[1][i])
-            grown.append(Found((*found.chosen, book.candidates[i]), evidence, log_prior))
+            grown.append(EffectSet((*start.chosen, book.candidates[i]), evidence, log_prior))
     return grown
 
 

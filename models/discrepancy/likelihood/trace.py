@@ -39,9 +39,9 @@ class Trace:
     """Columns of a log, the same for every onset.
 
     Attributes:
-        table: S stops. model: as configured. samples: of its bins.
+        table: S stops. model: as configured. samples: those of its bins.
         speed: (S, K) mean in them.
-        expected: by the model file: force of the brakes; gravity and terms of motion.
+        expected: forces of the model file: force of the brakes; gravity and terms of motion.
         always: (…, P) of the base, sessions and spikes. waves: (…, W) slow ones of the force.
         always_std: (P,) prior deviations of `always`.
         pull: (S, 1) deceleration that each stop shows [m/s²]. force: typical F_b/W [1].
@@ -68,9 +68,9 @@ class Trace:
 
 def base_shares(table: StopTable) -> Floats:
     """(S, M, 4) of the coefficients: level force and slope, at the mean onset speed and with it."""
-    one = np.ones_like(table.grade)
-    speed = (table.held - table.held.mean())[:, None] * one
-    return np.stack([one, table.grade, speed, speed * table.grade], axis=2)
+    constant = np.ones_like(table.grade)
+    speed = (table.held - table.held.mean())[:, None] * constant
+    return np.stack([constant, table.grade, speed, speed * table.grade], axis=2)
 
 
 def projected(shares: Floats, base: Floats, used: Floats) -> Floats:
@@ -160,8 +160,8 @@ def _always(
 
 def grams_at(trace: Trace, onset: Onset, extra: Integrated) -> tuple[Grams, Floats]:
     """Products of :func:`columns_at`, and (P,) deviations of those always there, hats as 1."""
-    every, own, std = columns_at(trace, onset, extra)
-    return Grams.of(every, own, trace.table.spread), std
+    every, per_stop, std = columns_at(trace, onset, extra)
+    return Grams.of(every, per_stop, trace.table.spread), std
 
 
 def columns_at(
@@ -172,7 +172,7 @@ def columns_at(
     The first column is that of the dead time, the last what is to be explained.
 
     Args:
-        trace: of the log. onset: its state. extra: (…, Q) shares of further columns.
+        trace: that of the log. onset: its state. extra: (…, Q) shares of further columns.
     """
     table, samples = trace.table, trace.samples
     moment = Moment.of(samples, onset)
@@ -183,9 +183,9 @@ def columns_at(
     shares = (trace.always,) if extra is None else (trace.always, extra)
     columns = [-c.fallen(table, onset, moment) for c in shares]
     every = np.concatenate([np.stack(always, axis=2), *columns, left[:, :, None]], axis=2)
-    own = np.stack([np.ones_like(early), early, always[0]], axis=2)
-    own = np.concatenate([own, trace.waves.fallen(table, onset, moment)], axis=2)
-    return every, own, np.concatenate([stds, trace.always_std])
+    per_stop = np.stack([np.ones_like(early), early, always[0]], axis=2)
+    per_stop = np.concatenate([per_stop, trace.waves.fallen(table, onset, moment)], axis=2)
+    return every, per_stop, np.concatenate([stds, trace.always_std])
 
 
 def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats], Floats]:

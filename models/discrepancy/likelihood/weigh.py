@@ -18,7 +18,7 @@ from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Dictionary, dictionary_of, spikes_of
 from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit, fit, quick_fit
 from slopewise.models.discrepancy.likelihood.place import placed
-from slopewise.models.discrepancy.likelihood.search import WIDTH, Found, searched
+from slopewise.models.discrepancy.likelihood.search import WIDTH, EffectSet, searched
 from slopewise.models.discrepancy.likelihood.trace import Trace, trace_of
 from slopewise.models.discrepancy.model.hypothesis import MAX_STEPS
 from slopewise.models.effects.effect_law import Enters
@@ -92,7 +92,7 @@ _Known = dict[frozenset[str], Fit]
 
 
 def _try(
-    known: _Known, matches: Sequence[Found], trace: Trace, book: Dictionary, near: Fit
+    known: _Known, matches: Sequence[EffectSet], trace: Trace, book: Dictionary, near: Fit
 ) -> None:
     """Add sets that are new, or heavier in another place."""
     for match in matches:
@@ -112,7 +112,7 @@ def _with_place(book: Dictionary, fit: Fit) -> Dictionary:
     return book
 
 
-def _moved(match: Found, known: Fit) -> bool:
+def _moved(match: EffectSet, known: Fit) -> bool:
     """Whether an explanation has the same names and an effect in another place."""
     before = {c.name: c.inner for c in known.chosen}
     return any(before[c.name] != c.inner for c in match.chosen if "radius" in c.inner)
@@ -125,18 +125,18 @@ def _settled(trace: Trace, book: Dictionary, known: Fit, near: Fit) -> Fit:
 
 def explanations(fits: Iterable[Fit], odds: float) -> list[Explanation]:
     """Answers of refitted sets; odds as for :func:`weighed`."""
-    found = []
+    answers = []
     for known in fits:
         # A model has one lag: where there is one, what the onset lacks is dead time.
         has_lag = any(effect.name == LAG for effect in known.trace.model.effect)
         for lag in (False,) if has_lag else (False, True):
-            own = known.log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
-            own += np.log(prior.FURTHER) if lag and known.chosen else 0.0
+            log_prior = known.log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
+            log_prior += np.log(prior.FURTHER) if lag and known.chosen else 0.0
             weight, at = _over_build_up(known, lag=lag)
             names = frozenset(c.name for c in known.chosen if c.named) | ({LAG} if lag else set())
             axes = frozenset(c.name for c in known.chosen if not c.named)
-            found.append(Explanation(names, axes, own + weight, known, at))
-    return sorted(found, key=lambda e: -e.log_weight)
+            answers.append(Explanation(names, axes, log_prior + weight, known, at))
+    return sorted(answers, key=lambda e: -e.log_weight)
 
 
 def _over_build_up(fit: Fit, *, lag: bool) -> tuple[float, int]:

@@ -59,13 +59,13 @@ class Whitener:
             lagging: the model has the build-up of the brakes; else it is a later onset there, and
                 the difference between both is a nuisance.
         """
-        every, own, std = columns_at(trace, onset)
+        every, per_stop, std = columns_at(trace, onset)
         spread, scaled = trace.table.spread, with_onset(std, noise)
         used = spread > 0.0
-        variance = prior.own_variance(noise, own.shape[2])
-        own = own * used[:, :, None]
+        variance = prior.own_variance(noise, per_stop.shape[2])
+        per_stop = per_stop * used[:, :, None]
         alone = noise[0] ** 2 * np.where(used, spread, 1.0)
-        covariance = (own * variance) @ np.swapaxes(own, 1, 2)
+        covariance = (per_stop * variance) @ np.swapaxes(per_stop, 1, 2)
         covariance += alone[:, :, None] * np.eye(alone.shape[1])
         root = np.linalg.inv(np.linalg.cholesky(covariance)) * used[:, None, :]
         # Coefficients have to absorb all other unmodelled effects: predictions have nothing else.
@@ -79,7 +79,7 @@ class Whitener:
             columns.append((trace.pull * trace.samples.mean(late))[:, :, None])
         nuisances = root @ np.concatenate(columns, axis=2)
         # No model predicts the level of a stop, and its ramp.
-        beyond = own[:, :, prior.LEVELS :] ** 2 @ variance[prior.LEVELS :]
+        beyond = per_stop[:, :, prior.LEVELS :] ** 2 @ variance[prior.LEVELS :]
         small = root @ (every[:, :, spikes] * scaled[spikes])
         basis, variance = _basis(nuisances), beyond + alone
         return cls(root, nuisances, basis, small, variance, onset, noise, trace.force)

@@ -36,7 +36,7 @@ _PAUSES = (5.0, 60.0, 900.0)  # before a proposed stop, warm to cold [s]
 _SHARPER = 0.9  # of its std, to which a number has to shrink for stops to be proposed [1]
 
 _QUIETER = (
-    "repeat one stop ten times, everything the same: if they still differ, mend the speed or the "
+    "repeat one stop ten times, everything the same: if they still differ, repair the speed or the "
     "command channel first; if not, drive each kind of stop three times"
 )
 
@@ -82,7 +82,7 @@ def _along(followed: ResidualAxis | None) -> str:
 def between(table: StopTable, best: Refit, alternatives: Sequence[Refit]) -> Experiment:
     """Stops that distinguish the best explanation from its alternatives."""
     plans, sheet, white = _possible(table, best)
-    equations = [_difference(sheet, white, best, other) for other in alternatives]
+    equations = [_difference(sheet, white, best, alternative) for alternative in alternatives]
     starts, rows = zip(*equations, strict=True)
 
     def separation(*normals: Floats) -> Floats:
@@ -92,15 +92,15 @@ def between(table: StopTable, best: Refit, alternatives: Sequence[Refit]) -> Exp
     chosen, normals = _design(starts, rows, separation)
     reached = float(separation(*(normal[None] for normal in normals))[0])
     repeats = int(np.ceil(NAMED_FROM / reached)) if reached > 0.0 else 0
-    own, *further = (f.names for f in (best, *alternatives))
-    names = " or ".join("+".join(each) or "new coefficients" for each in (own, *further))
+    leading, *further = (f.names for f in (best, *alternatives))
+    names = " or ".join("+".join(each) or "new coefficients" for each in (leading, *further))
     stops = tuple(plans[i] for i in chosen)
     if repeats == 0 or repeats > _MAX_REPEATS:
-        different = [n for each in further for n in each if n not in own]
-        test = LAWS[(different or own)[0]].experiment
-        text = f"no few stops like those of the log tell {names}: {test}"
+        different = [n for each in further for n in each if n not in leading]
+        test = LAWS[(different or leading)[0]].experiment
+        text = f"no few stops like those of the log distinguish {names}: {test}"
         return Experiment(text, stops, repeats if repeats <= 100 else 0)
-    text = f"to tell {names}, drive {_listed(stops)}"
+    text = f"to distinguish {names}, drive {_listed(stops)}"
     text += f"; {repeats} times ({repeats * len(stops)} stops)" if repeats > 1 else ""
     return Experiment(text, stops, repeats)
 
@@ -113,22 +113,22 @@ def sharpening(table: StopTable, best: Refit, beyond: float = 0.0) -> Experiment
         beyond: by which stops still end later than it predicts, 0 if no more than by chance [m].
     """
     plans, sheet, white = _possible(table, best)
-    own = np.arange(BASE, len(best.hypothesis.free))
+    places = np.arange(BASE, len(best.hypothesis.free))
 
     def sharp(normal: Floats) -> Floats:
         """(stops,) −ln det of the covariance of numbers of effects, all others unknown."""
         inverse = np.linalg.pinv(normal, hermitian=True)
-        return -np.asarray(np.linalg.slogdet(inverse[:, own[:, None], own])[1], np.float64)
+        return -np.asarray(np.linalg.slogdet(inverse[:, places[:, None], places])[1], np.float64)
 
     start = np.asarray(np.linalg.pinv(best.covariance, hermitian=True), np.float64)
     slopes = white.root @ jacobian(sheet, best.hypothesis)
     chosen, (normal,) = _design([start], [slopes], sharp)
-    before = np.sqrt(np.diag(best.covariance)[own])
-    after = np.sqrt(np.diag(np.linalg.pinv(normal, hermitian=True))[own])
+    before = np.sqrt(np.diag(best.covariance)[places])
+    after = np.sqrt(np.diag(np.linalg.pinv(normal, hermitian=True))[places])
     stops = tuple(plans[i] for i in chosen)
     shrink = float(np.max(after / np.maximum(before, 1e-300)))
     if shrink > _SHARPER:
-        text = f"{_STOPS} more stops would not make the numbers surer"
+        text = f"{_STOPS} more stops would not narrow the numbers"
         if beyond > 0.0:
             text += (
                 f", but stops still end up to {beyond:.2f} m beyond the prediction: repeat the "
@@ -142,7 +142,7 @@ def sharpening(table: StopTable, best: Refit, beyond: float = 0.0) -> Experiment
 
 
 def _design(
-    starts: Sequence[Floats], rows: Sequence[Floats], worth: Callable[..., Floats]
+    starts: Sequence[Floats], rows: Sequence[Floats], gain: Callable[..., Floats]
 ) -> tuple[list[int], list[Floats]]:
     """Stops that are worth most one after another, and normal equations with all of them.
 
@@ -153,26 +153,26 @@ def _design(
     normals, chosen = list(starts), []
     more = [np.swapaxes(row, 1, 2) @ row for row in rows]
     for _ in range(_STOPS):
-        each = [normal + own for normal, own in zip(normals, more, strict=True)]
-        chosen.append(int(np.argmax(worth(*each))))
+        each = [normal + added for normal, added in zip(normals, more, strict=True)]
+        chosen.append(int(np.argmax(gain(*each))))
         normals = [normal[chosen[-1]] for normal in each]
     return chosen, normals
 
 
 def _not_absorbed(normal: Floats) -> Floats:
     """(stops,) chi square of a difference that the numbers before it, refitted, do not absorb."""
-    own, shared = normal[:, -1, -1], normal[:, :-1, -1]
+    squares, shared = normal[:, -1, -1], normal[:, :-1, -1]
     inverse = np.linalg.pinv(normal[:, :-1, :-1], hermitian=True)
     absorbed = np.einsum("si,sij,sj->s", shared, inverse, shared)
-    return np.asarray(np.maximum(own - absorbed, 0.0))
+    return np.asarray(np.maximum(squares - absorbed, 0.0))
 
 
 def _difference(
     sheet: StopTable, white: Whitener, best: Refit, alternative: Refit
 ) -> tuple[Floats, Floats]:
     """Normal equations of an alternative and of the difference to it, and rows of each stop."""
-    apart = predict(sheet, best.hypothesis) - predict(sheet, alternative.hypothesis)
-    columns = [jacobian(sheet, alternative.hypothesis), sheet.average @ apart[:, :, None]]
+    difference = predict(sheet, best.hypothesis) - predict(sheet, alternative.hypothesis)
+    columns = [jacobian(sheet, alternative.hypothesis), sheet.average @ difference[:, :, None]]
     start = np.zeros((len(alternative.covariance) + 1,) * 2)
     start[:-1, :-1] = np.linalg.pinv(alternative.covariance, hermitian=True)
     return start, white.root @ np.concatenate(columns, axis=2)
@@ -235,12 +235,12 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
     average = (owner == np.arange(count)[:, None]) / np.bincount(owner)[:, None]
     spread = float(np.median(table.spread[table.spread > 0.0]))
     spread *= float(np.median(np.diff(table.time)) / np.median(np.diff(time)))
-    one = np.ones_like(time)
+    constant = np.ones_like(time)
     pauses = np.array([p.pause or _PAUSES[-1] for p in plans])
 
     def column(name: str) -> Floats:
-        own: Floats = np.array([getattr(p, name) or 0.0 for p in plans])[:, None] * one
-        return own
+        values: Floats = np.array([getattr(p, name) or 0.0 for p in plans])[:, None] * constant
+        return values
 
     # Brakes are warm only where one stop follows another immediately.
     ago = np.where(pauses <= _PAUSES[0], pauses, np.inf)[:, None] * np.arange(1, _STOPS + 1)
@@ -250,13 +250,13 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
         time=time,
         speed=v,
         station=np.cumsum(v, axis=1) * (time[:, 1:2] - time[:, :1]),
-        grade=grade[:, None] * one,
+        grade=grade[:, None] * constant,
         roll=column("roll"),
         yaw=column("heading"),
         yaw_rate=column("yaw_rate"),
         x=column("x"),
         y=column("y"),
-        vertical_curvature=0.0 * one,
+        vertical_curvature=0.0 * constant,
         average=np.repeat(average[None], len(plans), axis=0),
         binned=np.zeros((len(plans), count)),
         spread=np.full((len(plans), count), spread),

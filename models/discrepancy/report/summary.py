@@ -11,7 +11,7 @@ from slopewise.models.discrepancy.decide.verdict import Decision
 from slopewise.models.discrepancy.findings import Estimate, Gap, LocatedAxis, NamedEffect, Verdict
 from slopewise.models.discrepancy.likelihood.prior import RULED_OUT
 from slopewise.models.discrepancy.likelihood.residual_axes import ResidualAxis
-from slopewise.models.discrepancy.report.words import UNSEEN
+from slopewise.models.discrepancy.report.text import UNSEEN
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect
 
@@ -111,23 +111,23 @@ def summary(
         case Verdict.PARAMETER_DRIFT:
             text = "The model is right in kind, its coefficients or dead time are not: refitted."
         case Verdict.MISSING_EFFECT:
-            text = f"The model leaves out: {names}."
+            text = f"The model lacks: {names}."
         case Verdict.AMBIGUOUS:
             alternatives = "; ".join(
                 " and ".join(r.names) or "new coefficients alone" for r in decision.alternatives[:3]
             )
-            text = f"The model most likely leaves out: {names}; "
+            text = f"The model most likely lacks: {names}; "
             text += f"{alternatives} would fit nearly as well."
         case Verdict.UNIDENTIFIABLE:
             causes = " or ".join(decision.absorbed)
-            text = f"New coefficients fit, but so does {causes}: this log cannot tell which it is."
+            text = f"New coefficients fit, but so does {causes}: this log cannot distinguish them."
         case Verdict.UNKNOWN:
             axis = decision.axis.axis.name if decision.axis else "no single axis"
             text = f"Something is missing that no known effect explains; it follows {axis}."
     if decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY):
         return text
     return (
-        f"{text} Stops of this log are {_both_ways(*ends)} than the model said; "
+        f"{text} Stops of this log are {_both_ways(*ends)} than the model predicts; "
         f"typically {distance.before:.2f} m off before, {distance.after:.2f} m after."
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.discrepancy.findings import Verdict
-from slopewise.models.discrepancy.report.words import answers
+from slopewise.models.discrepancy.report.text import answers
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.errors import ParameterError

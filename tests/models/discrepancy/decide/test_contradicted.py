@@ -9,7 +9,7 @@ import pytest
 
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import Gaps
-from slopewise.models.discrepancy.decide.no_harm import held_to_account
+from slopewise.models.discrepancy.decide.held_out import held_to_account
 from slopewise.models.discrepancy.decide.verdict import Decision
 from slopewise.models.discrepancy.findings import Gap, Verdict
 from slopewise.models.discrepancy.likelihood.axes import Axis

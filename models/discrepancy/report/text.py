@@ -1,4 +1,4 @@
-"""Findings as text that screen, page and fleet share."""
+"""Findings as text, for screen, page and fleet."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slopewise.models.effects.registry import LAWS
 UNSEEN = 0.005  # change of a stop that two decimals do not show [m]
 
 
-def sure_words(confidence: float) -> str:
+def confidence_text(confidence: float) -> str:
     """Nothing is quite certain."""
     more = "more than " if confidence > CERTAIN else ""
     return f"{more}{min(confidence, CERTAIN):.0%}"
@@ -29,15 +29,15 @@ def _weighed(explanation: LikelyExplanation) -> str:
     return f"{' and '.join(causes) or 'none of them'} ({explanation.weight:.0%})"
 
 
-def closed_words(gap: Gap) -> str:
+def closed_text(gap: Gap) -> str:
     """How much of a gap is closed; nothing is ever quite closed."""
     if gap.closed is None or gap.ci95 is None:
         return "too near the floor for a percentage"
     low, high = (f"{min(end, CERTAIN):.0%}" for end in gap.ci95)
-    return f"{sure_words(gap.closed)} closed ({low} … {high})"
+    return f"{confidence_text(gap.closed)} closed ({low} … {high})"
 
 
-def cost_words(cost: StopCost) -> str:
+def cost_text(cost: StopCost) -> str:
     """Cost in metres of a stop."""
     slope = f"{abs(np.rad2deg(cost.grade)):.0f}° {'down' if cost.grade < 0.0 else 'up'}"
     where = f"at {cost.speed:.1f} m/s on {slope}"
@@ -52,21 +52,21 @@ def cost_words(cost: StopCost) -> str:
 
 
 def answers(f: Findings) -> dict[str, str]:
-    """The first questions of a test engineer, with answers."""
+    """What a test engineer asks first, with answers."""
     missing = "; ".join(
         f"{e.name.replace('_', ' ')}, {LAWS[e.name].missing}, {e.where}" for e in f.effects
     )
     nothing = "nothing that this log could show"
     if f.verdict in (Verdict.UNKNOWN, Verdict.TOO_NOISY, Verdict.UNIDENTIFIABLE):
         nothing = "nothing that could be named"
-    confidences = ", ".join(sure_words(e.confidence) for e in f.effects)
+    confidences = ", ".join(confidence_text(e.confidence) for e in f.effects)
     named = {e.name for e in f.effects}
     alternatives = [e for e in f.explanations if e.axes or {*e.names} != named]
     if alternatives:
         confidences += f"; or it is {', '.join(map(_weighed, alternatives))}"
     replies = {"what is missing": missing or nothing}
     if f.verdict not in (Verdict.UNKNOWN, Verdict.TOO_NOISY):
-        replies["what it costs"] = cost_words(f.cost)
+        replies["what it costs"] = cost_text(f.cost)
     if confidences:
         replies["how sure"] = confidences
     replies["what to do next"] = f.next_experiment.text or "nothing: this log leaves no question"
