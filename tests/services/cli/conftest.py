@@ -55,6 +55,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
         table = {"x": s, "y": np.zeros_like(s), "speed": factor * v, "candidate": candidate}
         write_csv(table, folder / f"{name}.csv")
     write_log(drive(Plant(), 24, 0)[0], folder / "stops.csv")
+    write_log(drive(Plant(), 12, 0)[0], folder / "dozen.csv")
     write_log(drive(Plant(), 5, 3)[0], folder / "few.csv")
     surfaces = {"road": plant.ASPHALT, "track": plant.DIRT, "beach": plant.SAND}
     runs = [labelled_run(name, surface, i) for i, (name, surface) in enumerate(surfaces.items())]

@@ -40,6 +40,12 @@ def log() -> Log:
     return drive(Plant(), 24, 0)[0]
 
 
+@pytest.fixture(scope="module")
+def short() -> Log:
+    """As many stops as show what a log lacks."""
+    return drive(Plant(), 8, 0)[0]
+
+
 def calibrate(path: Path, **options: Any) -> job.CalibrateResult:
     return job.calibrate(LogInput([path], **options), "atv", settings=SETTINGS)
 
@@ -181,45 +187,44 @@ def in_knots(log: Log) -> Log:
     return log | {"v": log["v"] / 0.514444}
 
 
-@pytest.mark.parametrize(
-    ("spoil", "lines"),
-    [
-        (lambda log: {n: v for n, v in log.items() if n != "v_cmd"}, ("v_cmd", "missing column")),
-        (lambda log: changed(log, "v", np.nan, slice(7, 8)), ("row 9, column v", "finite")),
-        (lambda log: changed(log, "t", 0.0, slice(7, 8)), ("row 9, column t", "after")),
-        (lambda log: changed(log, "t", log["t"][6], slice(7, 8)), ("row 9, column t", "after")),
-        (lambda log: changed(log, "v_cmd", 2.0), ("at least 6 usable stops", "0 found")),
-        (lambda log: log | {"brake": np.zeros(len(log["t"]))}, ("0 of 24 found", "24 coasted")),
-        (lambda log: log | {"pitch": np.clip(15.0 * log["pitch"], -90, 90)}, ("degrees",)),
-        (lambda log: log | {"pitch": 57.3 * log["pitch"]}, ("looks like degrees",)),
-        (lambda log: log | {"pitch": 100 * log["pitch"]}, ("column pitch", "degrees or per cent")),
-        (lambda log: log | {"t": 1e3 * log["t"]}, ("column t", "expected seconds", "like ms")),
-        (lambda log: log | {"t": 1e6 * log["t"]}, ("column t", "expected seconds", "like us")),
-        (lambda log: log | {"t": 300.0 * log["t"]}, ("0 of 24 found", "sparse", "no sample in")),
-        (lambda _: drive(FREE_ROLLING, 8, 0)[0], ("braking.b_b", "0.02 … 1.5")),
-        (lambda _: in_knots(drive(Plant(), 24, 0, out_and_back=True)[0]), ("column v", "knots")),
-    ],
-    ids=[
-        "missing",
-        "nan",
-        "unsorted",
-        "twice",
-        "no stop",
-        "coasting",
-        "deg",
-        "degrees",
-        "%",
-        "ms",
-        "us",
-        "rare rows",
-        "no brakes",
-        "knots",
-    ],
-)
-def test_unusable_logs_are_rejected_in_one_line(
-    log: Log, tmp_path: Path, spoil: Any, lines: tuple[str, ...]
-) -> None:
-    path = write_log(spoil(log), tmp_path / "bad.csv")
+UNUSABLE: dict[str, tuple[Any, tuple[str, ...]]] = {
+    "missing": (
+        lambda log: {n: v for n, v in log.items() if n != "v_cmd"},
+        ("v_cmd", "missing column"),
+    ),
+    "nan": (lambda log: changed(log, "v", np.nan, slice(7, 8)), ("row 9, column v", "finite")),
+    "unsorted": (lambda log: changed(log, "t", 0.0, slice(7, 8)), ("row 9, column t", "after")),
+    "twice": (
+        lambda log: changed(log, "t", log["t"][6], slice(7, 8)),
+        ("row 9, column t", "after"),
+    ),
+    "no stop": (lambda log: changed(log, "v_cmd", 2.0), ("at least 6 usable stops", "0 found")),
+    "coasting": (
+        lambda log: log | {"brake": np.zeros(len(log["t"]))},
+        ("0 of 8 found", "8 coasted"),
+    ),
+    "deg": (lambda log: log | {"pitch": np.clip(15.0 * log["pitch"], -90, 90)}, ("degrees",)),
+    "degrees": (lambda log: log | {"pitch": 57.3 * log["pitch"]}, ("looks like degrees",)),
+    "%": (lambda log: log | {"pitch": 100 * log["pitch"]}, ("column pitch", "degrees or per cent")),
+    "ms": (lambda log: log | {"t": 1e3 * log["t"]}, ("column t", "expected seconds", "like ms")),
+    "us": (lambda log: log | {"t": 1e6 * log["t"]}, ("column t", "expected seconds", "like us")),
+    "rare rows": (
+        lambda log: log | {"t": 300.0 * log["t"]},
+        ("0 of 8 found", "sparse", "no sample in"),
+    ),
+    "no brakes": (lambda _: drive(FREE_ROLLING, 8, 0)[0], ("braking.b_b", "0.02 … 1.5")),
+    "knots": (
+        lambda _: in_knots(drive(Plant(), 8, 0, out_and_back=True)[0]),
+        ("column v", "knots"),
+    ),
+}
+"""What spoils a log, and texts of its refusal."""
+
+
+@pytest.mark.parametrize("name", UNUSABLE)
+def test_unusable_logs_are_rejected_in_one_line(short: Log, tmp_path: Path, name: str) -> None:
+    spoil, lines = UNUSABLE[name]
+    path = write_log(spoil(short), tmp_path / "bad.csv")
     one_line_of(here("calibrate", path, "-m", "atv"), str(path), *lines)
 
 
@@ -230,33 +235,29 @@ def test_accelerations_in_g_are_flagged_and_do_not_stop_it(log: Log, tmp_path: P
     assert calibration.verdicts == {"usable": 24}
 
 
-@pytest.mark.parametrize(
-    ("channel", "value", "length", "reason"),
-    [
-        ("v", 2.2, 150, "stays at exactly"),
-        ("v", -1000.0, 5, "stands for no value"),
-        ("v", 9.0, 1, "jumps to"),
-        ("pitch", 0.05, 150, "stays at exactly"),
-    ],
-)
+SUSPECT = {
+    5: ("v", 2.2, 150, "stays at exactly"),
+    9: ("v", -1000.0, 5, "stands for no value"),
+    13: ("v", 9.0, 1, "jumps to"),
+    17: ("pitch", 0.05, 150, "stays at exactly"),
+}
+"""Channel, value, samples and reason of a stretch, by the number of its stop."""
+
+
 def test_a_suspect_stretch_excludes_its_stop_only(
-    log: Log,
-    clean: job.CalibrateResult,
-    tmp_path: Path,
-    channel: str,
-    value: float,
-    length: int,
-    reason: str,
+    log: Log, clean: job.CalibrateResult, tmp_path: Path
 ) -> None:
-    commands = (log["v_cmd"] <= 0.0).astype(int)
-    start = int(np.flatnonzero(np.diff(commands) == 1)[5]) + 6
-    spoilt = changed(log, channel, value, slice(start, start + length))
+    commands = np.flatnonzero(np.diff((log["v_cmd"] <= 0.0).astype(int)) == 1) + 1
+    spoilt = log
+    for stop, (channel, value, length, _) in SUSPECT.items():
+        start = commands[stop] + 5
+        spoilt = changed(spoilt, channel, value, slice(start, start + length))
     result = calibrate(write_log(spoilt, tmp_path / "log.csv"))
-    excluded = [w for w in result.calibration.windows if not w.usable]
-    assert len(excluded) <= 1
-    assert all(w.command == start - 5 for w in excluded)
-    assert any(reason in s.reason for s in result.calibration.suspects)
-    assert result.calibration.verdicts["usable"] >= 23
+    excluded = {w.command for w in result.calibration.windows if not w.usable}
+    assert excluded <= {commands[stop] for stop in SUSPECT}
+    for channel, _, _, reason in SUSPECT.values():
+        assert any(reason in s.reason and channel == s.channel for s in result.calibration.suspects)
+    assert result.calibration.verdicts["usable"] >= 24 - len(SUSPECT)
     assert result.model.braking.b_b == pytest.approx(clean.model.braking.b_b, abs=0.01)
 
 
