@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import zenoh
@@ -29,10 +29,7 @@ def ask(
 
     The InputError of a missing reply begins with the subject.
     """
-    message: dict[str, Any] = {}
-    if request is not None:
-        message["payload"] = codec.encode(request, Format.MESSAGEPACK)
-        message["encoding"] = codec.encoding_of(type(request), Format.MESSAGEPACK)
+    message = {} if request is None else codec.payload_of(request, Format.MESSAGEPACK)
     for reply in session.get(key, timeout=timeout, **message):
         if reply.ok is not None:
             encoding = str(reply.ok.encoding)

@@ -27,12 +27,13 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.fleet.map_windows import MAX_CELLS, ground_in, map_windows, opened
-from slopewise.services.fleet.plan_results import RejectedCandidate, write_part
+from slopewise.services.fleet.plan_results import write_part
 from slopewise.services.fleet.result_folder import digest_of, map_digest
 from slopewise.services.io.map_grid import Extent, footprint_margin
 from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map, read_paths
+from slopewise.services.jobs.plan import RefusedPath
 
 PART = 500  # Candidates of a part: a few seconds of work, some megabytes of results
 _FORMAT = 2  # Version of the results; results of another one are planned again
@@ -116,13 +117,13 @@ def plan_part(task: PlanTask) -> int:
     planner = CandidatePlanner(
         model_from_dict(task.model, "model"), request.settings, request.uncertainty
     )
-    answers: dict[int, SpeedPlan | RejectedCandidate] = {}
+    answers: dict[int, SpeedPlan | RefusedPath] = {}
     with opened(request.map_file, request.nodata) as ground:
         margin = footprint_margin(planner.model.vehicle, ground.info)
         for members, cells in map_windows(task.paths, ground.info, margin):
             if cells is None:
                 message = f"expected a path on at most {MAX_CELLS} cells of the map, got more"
-                answers |= {i: RejectedCandidate(task.paths[i].name, message) for i in members}
+                answers |= {i: RefusedPath(task.paths[i].name, message) for i in members}
             else:
                 paths = {i: task.paths[i] for i in members}
                 answers |= _plan(planner, ground_in(ground, cells), paths, request)
@@ -136,17 +137,17 @@ def _plan(
     ground: ElevationMap,
     paths: Mapping[int, CandidatePath],
     request: FleetPlanRequest,
-) -> dict[int, SpeedPlan | RejectedCandidate]:
+) -> dict[int, SpeedPlan | RefusedPath]:
     """Plan paths by their number; one that cannot be used does not prevent the others."""
     spacing = planner.settings.spacing_on(ground.resolution, planner.model.vehicle)
     limits = line_limits(planner.model)
     even: dict[int, EvenPath] = {}
-    rejected: dict[int, SpeedPlan | RejectedCandidate] = {}
+    rejected: dict[int, SpeedPlan | RefusedPath] = {}
     for i, path in paths.items():
         try:
             even[i] = resample(path, spacing, limits)
         except ParameterError as error:
-            rejected[i] = RejectedCandidate(path.name, str(error))
+            rejected[i] = RefusedPath(path.name, str(error))
     usable = list(even.values())
     plans = planner.plan(ground, usable, start_speed=request.start_speed, clear=request.clear)
     return rejected | dict(zip(even, plans, strict=True))

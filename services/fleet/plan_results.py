@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.fleet.result_folder import write_parquet
 from slopewise.services.io.files import fault
-from slopewise.services.io.plan_file import COLUMNS, TEXT, driven, summary
+from slopewise.services.io.plan_file import COLUMNS, TEXT, joined, summary
+from slopewise.services.jobs.plan import RefusedPath
 
 REFUSED = "refused"  # Status of a candidate that cannot be driven forward; its reason explains it
 PLANS, CANDIDATES = "plans", "candidates"
@@ -34,15 +33,8 @@ _TOTALS = (
 )
 
 
-class RejectedCandidate(NamedTuple):
-    """A candidate that cannot be planned, with the reason."""
-
-    candidate: str
-    reason: str
-
-
 def write_part(
-    folder: Path, file: str, source: str, answers: Sequence[SpeedPlan | RejectedCandidate]
+    folder: Path, file: str, source: str, answers: Sequence[SpeedPlan | RefusedPath]
 ) -> None:
     """Write a part, finished with the second file."""
     import pyarrow as pa
@@ -80,8 +72,8 @@ def count(folder: Path, files: Iterable[str]) -> tuple[Counter[str], int]:
     return statuses, admissible
 
 
-def _row(answer: SpeedPlan | RejectedCandidate, source: str) -> dict[str, Any]:
-    if isinstance(answer, RejectedCandidate):
+def _row(answer: SpeedPlan | RefusedPath, source: str) -> dict[str, Any]:
+    if isinstance(answer, RefusedPath):
         return {"source": source, "admissible": False, "status": REFUSED, **answer._asdict()}
     deviation = answer.path_deviation
     row = {"source": source, "admissible": answer.admissible, **summary(answer)}
@@ -90,12 +82,7 @@ def _row(answer: SpeedPlan | RejectedCandidate, source: str) -> dict[str, Any]:
 
 def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
     """Columns of a plan file, and the file of the path."""
-    parts = [driven(plan) for plan in plans]
-    rows = sum(len(part["station"]) for part in parts)
-    columns: dict[str, Any] = {"source": pa.array([source] * rows, pa.string())}
-    for name in TEXT:
-        columns[name] = pa.array([cell for part in parts for cell in part[name]], pa.string())
-    for name in _NUMBERS:
-        values = np.concatenate([part[name] for part in parts]) if parts else np.empty(0)
-        columns[name] = pa.array(values, pa.float64())
-    return pa.table(columns)
+    columns = joined(plans)
+    columns["source"] = [source] * len(columns.get("station", ()))
+    kinds = dict.fromkeys(("source", *TEXT), pa.string()) | dict.fromkeys(_NUMBERS, pa.float64())
+    return pa.table({name: pa.array(columns.get(name, ()), kind) for name, kind in kinds.items()})

@@ -104,6 +104,17 @@ def driven(plan: SpeedPlan) -> dict[str, Any]:
     return {name: values[:rows] for name, values in columns.items()}
 
 
+def joined(plans: Sequence[SpeedPlan]) -> dict[str, Any]:
+    """Columns of :func:`driven` of several plans, one below the other; none without a plan."""
+    parts = [driven(plan) for plan in plans]
+    return {
+        name: [cell for part in parts for cell in part[name]]
+        if name in TEXT
+        else np.concatenate([part[name] for part in parts])
+        for name in (parts[0] if parts else ())
+    }
+
+
 def summary(plan: SpeedPlan) -> dict[str, Any]:
     """A plan in one row, SI units; None where it has no stop margin."""
     return {

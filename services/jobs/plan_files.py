@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.plan_file import TEXT, driven, write_plan_csv
+from slopewise.services.io.plan_file import joined, write_plan_csv
 from slopewise.services.jobs.plan import PlanResult
 
 _SCENE = ".mcap"
@@ -32,11 +29,4 @@ def write_plans(result: PlanResult, path: Path) -> None:
 
         write_mcap(path, result.elevation_map, result.plans, result.model.vehicle)
     else:
-        parts = [driven(plan) for plan in result.plans]
-        columns: dict[str, Any] = {
-            name: [cell for part in parts for cell in part[name]]
-            if name in TEXT
-            else np.concatenate([part[name] for part in parts])
-            for name in parts[0]
-        }
-        write_plan_csv(columns, path)
+        write_plan_csv(joined(result.plans), path)
