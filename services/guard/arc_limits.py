@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from slopewise.services.guard.guard_model import GuardModel
+from slopewise.services.guard.speed_search import STANDSTILL
 
 TOO_FAST = "faster than the limits of the model"
 _RIM, _TURN = "a wheel would be faster than it can", "too fast for this turn"
@@ -20,7 +21,8 @@ def arc_limits(
     A command is slower on the same arc. Lateral acceleration is speed times yaw rate, also while a
     base still has another speed or yaw rate than commanded: it turns no faster than a base may
     that is still as fast as ``moving`` [m/s], and drives no faster than one may that still turns
-    at ``turning`` [rad/s]. A base at rest turns as fast as its wheels can.
+    at ``turning`` [rad/s]. A base at rest turns as fast as its wheels can. Steered wheels keep the
+    curvature of a command, so that a base that is still faster turns faster than commanded.
     """
     speed, rate = map(abs, command)
     by_rim = model.vehicle.max_wheel_speed / max(rim_speed(model, *command), _TINY)
@@ -31,6 +33,8 @@ def arc_limits(
     )
     by_moving = model.lateral / max(moving * rate, _TINY)
     share = min(by_rim, by_speed, by_turn, 1.0)
+    if model.vehicle.drive == "ackermann" and moving > max(share * speed, STANDSTILL):
+        by_moving *= share * speed / moving
     reasons = (by_rim, _RIM), (by_speed, TOO_FAST), (min(by_turn, by_moving), _TURN)
     lowest, reason = min(reasons)
     return share, min(share, by_moving), reason if lowest < 1.0 else ""

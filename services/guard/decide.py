@@ -171,7 +171,10 @@ def _on_an_arc(
     steers = model.vehicle.drive == "ackermann"
     tightest = math.inf if steers else max(abs(turn), model.lateral / top**2)
     rates = [command.yaw_rate, *(c.yaw_rate for c in before)]
-    slower = [min(moving, requested), *(max(moving, abs(c.speed)) for c in before)]
+    slower = [min(moving, requested)]
+    for c in before:
+        keeps = steers and abs(c.speed) >= STANDSTILL
+        slower.append(abs(c.speed) if keeps else max(moving, abs(c.speed)))
     other_turns = [
         min(max(rate / max(speed, STANDSTILL), -tightest), tightest)
         for rate, speed in zip(rates, slower, strict=True)

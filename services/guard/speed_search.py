@@ -70,11 +70,6 @@ def try_speeds(
     inside = stops.distance <= min(free, clear)
     fine = (inside & stops.loaded)[:-1]
     failed = _SPEEDS if fine.all() else int(np.argmin(fine))
-    turn = math.inf
-    if share and not stops.loaded[:-1].all():
-        # Lateral acceleration is speed times yaw rate, also of a vehicle that still slows down.
-        steady = float(np.append(0.0, speeds)[np.argmin(stops.loaded[:-1])])
-        turn = steady * steady / (top * max(course.moving, TOLERANCE))
     allowed = float(speeds[failed - 1]) if failed else 0.0
     if share:
         fastest = model.tables[0].fastest[ways.possible].min()
@@ -91,6 +86,15 @@ def try_speeds(
     if ways.end.touches:
         # The command's points, and the rims in a tighter turn of a command before it.
         allowed = min(allowed, creep, CREEP / requested)
+    turn = math.inf
+    if share and not stops.loaded[:-1].all():
+        # Lateral acceleration is speed times yaw rate, also of a vehicle that still slows down;
+        # that of steered wheels, which keep the curvature of the allowed command, is by speed².
+        steady = float(np.append(0.0, speeds)[np.argmin(stops.loaded[:-1])])
+        moving = max(course.moving, TOLERANCE)
+        turn = steady * steady / (top * moving)
+        if model.vehicle.drive == "ackermann":
+            turn = min(allowed, 1.0) * (steady / moving) ** 2
     return SpeedVerdict(allowed, brakes, reason, where, turn)
 
 

@@ -78,7 +78,12 @@ class GuardOutput(Message, frozen=True):
 
 
 class GuardStatus(Message, frozen=True):
-    """State of the guard."""
+    """State of the guard.
+
+    Attributes:
+        stamps: by input that has come, what its stamps show of its age: `shared clock`, all of it;
+            `growth only`, by how much more it is than at best; `none`, nothing
+    """
 
     uptime: float  # since the start of the process [s]
     reaction: float  # time within which any single fault ends in a stop [s]
@@ -87,8 +92,7 @@ class GuardStatus(Message, frozen=True):
     seconds: dict[str, float]  # median and 99th percentile of the duration of a decision [s]
     flags: list[str]  # active faults, human-readable
     last: str  # last reason to limit or stop
-    # use of stamps by input
-    stamps: dict[str, str] = field(default_factory=dict)  # `shared clock`, `growth only`, `none`
+    stamps: dict[str, str] = field(default_factory=dict)
 
 
 GuardInput: TypeAlias = tuple[Any, str, int | None, float | None]

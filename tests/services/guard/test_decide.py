@@ -130,8 +130,9 @@ def test_steered_wheels_may_lead_a_base_that_is_still_fast_onto_a_tighter_arc(dr
     model = steered._replace(vehicle=replace(steered.vehicle, drive=drive))
     scene = GuardScene(model, map_of(heights), 1e9)
     values = {"hold_time": 0.1, "late": 0.02, "load": 0.5}
-    result = decide(scene, motion(6.0), BaseCommand(2.4, -0.52), **values)
-    assert result.action == ("stop" if drive == "ackermann" else "slow")
+    before = (BaseCommand(2.4, -0.52),)
+    result = decide(scene, motion(6.0), BaseCommand(2.4, 0.0), before=before, **values)
+    assert result.action == ("stop" if drive == "ackermann" else "pass")
 
 
 @pytest.mark.parametrize(("speed", "requested", "rate"), FAST_IN_TURNS)
@@ -146,6 +147,25 @@ def test_a_base_that_is_still_fast_does_not_tip_over(
     lateral = abs(result.command.yaw_rate) * max(speed, result.command.speed)
     side = 1.0 - 2.0 * vehicle.cg_z / vehicle.track_width * lateral / 9.80665
     assert result.action == "stop" or side >= 0.5 * MODEL.promised.limits.min_load
+
+
+@pytest.mark.parametrize("lateral", [2.5, 1e3])
+@pytest.mark.parametrize(("speed", "requested", "rate"), [*FAST_IN_TURNS, (7.0, 3.5, 0.7)])
+def test_steered_wheels_do_not_tip_over_a_base_that_is_still_fast(
+    speed: float, requested: float, rate: float, lateral: float
+) -> None:
+    """They keep the curvature of the command. Also where height alone limits turns: free body."""
+    model = read_guard_model(find_model("ugv"))._replace(lateral=lateral)
+    vehicle, command = model.vehicle, BaseCommand(requested, rate)
+    scene = GuardScene(model, FLAT, 1e9)
+    result = decide(scene, motion(speed), command, hold_time=0.1, late=0.02, load=0.5)
+    given, turn = result.command
+    assert result.action in {"slow", "stop"}
+    assert given > 0.0 or turn == 0.0
+    acceleration = abs(turn / given) * max(speed, given) ** 2 if given else 0.0
+    side = 1.0 - 2.0 * vehicle.cg_z / vehicle.track_width * acceleration / 9.80665
+    assert acceleration <= lateral + 1e-9
+    assert side >= 0.5 * model.promised.limits.min_load
 
 
 def test_a_base_that_still_turns_drives_no_faster_than_its_turn_allows() -> None:
