@@ -56,7 +56,7 @@ def missing_tools() -> list[str]:
     tools = []
     if compiler() is None:
         tools.append("ziglang>=0.13")
-    if not cmake_suffices():
+    if tool("cmake") is None:
         tools.append("cmake>=3.24")
     if tool("ninja") is None:
         tools.append("ninja>=1.11")
@@ -70,15 +70,17 @@ def compiler() -> str | None:
 
 
 def tool(name: str) -> str | None:
-    """A program of this machine or of the environment of this Python."""
-    return shutil.which(name) or shutil.which(name, path=sysconfig.get_path("scripts"))
+    """A program of this machine, else of the environment of this Python.
+
+    Installers put the environment first in the path: with another CMake all is compiled again.
+    """
+    scripts = sysconfig.get_path("scripts")
+    folders = [f for f in os.get_exec_path() if f != scripts]
+    programs = (shutil.which(name, path=f) for f in (os.pathsep.join(folders), scripts))
+    return next((p for p in programs if p and (name != "cmake" or _is_new_enough(p))), None)
 
 
-def cmake_suffices() -> bool:
-    """Return True if there is a CMake that is new enough."""
-    cmake = tool("cmake")
-    if cmake is None:
-        return False
+def _is_new_enough(cmake: str) -> bool:
     text = subprocess.run([cmake, "--version"], capture_output=True, text=True).stdout
     match = re.search(r"version (\d+)\.(\d+)", text)
     return match is not None and (int(match[1]), int(match[2])) >= CMAKE

@@ -197,6 +197,22 @@ def test_what_is_missing_is_asked_for(
     assert build.missing_tools() == []
 
 
+def test_a_cmake_of_the_machine_is_taken_wherever_the_environment_is_in_the_path(
+    build: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment, machine = tmp_path / "venv", tmp_path / "usr"
+    for folder in (environment, machine):
+        folder.mkdir()
+        (folder / "cmake").write_text("#!/bin/sh\necho cmake version 4.0.1\n")
+        (folder / "cmake").chmod(0o755)
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(environment))
+    for path in (f"{environment}:{machine}", f"{machine}:{environment}"):
+        monkeypatch.setenv("PATH", path)
+        assert build.tool("cmake") == str(machine / "cmake")
+    (machine / "cmake").write_text("#!/bin/sh\necho cmake version 3.16.3\n")
+    assert build.tool("cmake") == str(environment / "cmake")
+
+
 def test_a_compiler_that_fails_is_named(
     build: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
