@@ -167,14 +167,14 @@ def _on_an_arc(
     top = max(moving, requested)
     turn = command.yaw_rate / top
     # Turns tighter than the command's are as tight as the limit in turns lets a base be, or as
-    # steered wheels are, which keep a curvature however fast it still is.
+    # steered wheels are, which keep a curvature however fast it still is: at the tightest, an axle
+    # turns around its inner wheel.
     steers = model.vehicle.drive == "ackermann"
-    tightest = math.inf if steers else max(abs(turn), model.lateral / top**2)
+    limit = 2.0 / model.vehicle.track_width if steers else model.lateral / top**2
+    tightest = max(abs(turn), limit)
     rates = [command.yaw_rate, *(c.yaw_rate for c in before)]
     slower = [min(moving, requested)]
-    for c in before:
-        keeps = steers and abs(c.speed) >= STANDSTILL
-        slower.append(abs(c.speed) if keeps else max(moving, abs(c.speed)))
+    slower += [abs(c.speed) if steers else max(moving, abs(c.speed)) for c in before]
     other_turns = [
         min(max(rate / max(speed, STANDSTILL), -tightest), tightest)
         for rate, speed in zip(rates, slower, strict=True)

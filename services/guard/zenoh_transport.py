@@ -82,7 +82,7 @@ class GuardStatus(Message, frozen=True):
 
     Attributes:
         stamps: by input that has come, what its stamps show of its age: `shared clock`, all of it;
-            `growth only`, by how much more it is than at best; `none`, nothing
+            `growth only`, only how far it exceeds the smallest one seen; `none`, nothing
     """
 
     uptime: float  # since the start of the process [s]

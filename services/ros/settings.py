@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -173,9 +173,12 @@ def read_settings(path: Path) -> EdgeSettings:
     data = read_toml(path)
     resolve_names(path, data, "ros.config", "service.config")
     settings = decode_table(EdgeSettings, data, str(path))
-    for topic in (*settings.topics.paths, settings.topics.odometry, settings.topics.speed_limit):
+    given = asdict(settings.topics)
+    named = [(key, given[key]) for key in given if key not in ("paths", "layer", "command_type")]
+    for key, topic in (*(("paths", topic) for topic in given["paths"]), *named):
         try:
-            full_name(settings.ros.namespace, topic)
+            if topic or key == "paths":
+                full_name(settings.ros.namespace, topic)
         except ParameterError as error:
-            raise fault(path, "topics", f"expected {error.expected}") from None
+            raise fault(path, f"topics.{key}", f"expected {error.expected}") from None
     return settings
