@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal
 
@@ -15,7 +15,7 @@ from slopewise.models.quantity import (
     validate_quantities,
 )
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.files import fault, read_toml, resolve_names
+from slopewise.services.io.files import read_toml, resolve_names
 from slopewise.services.ros.naming import full_name
 
 _MAX_PATHS = 100  # Candidates that the edge subscribes to: as many as a plan request may hold [1]
@@ -85,6 +85,13 @@ class Topics:
         for name in ("odometry", "speed_limit"):
             if not getattr(self, name):
                 raise ParameterError(name, "a topic, nothing works without it")
+        single = {f.name for f in fields(self)} - {"paths", "layer", "command_type"}
+        given = [(name, getattr(self, name)) for name in sorted(single) if getattr(self, name)]
+        for name, topic in (*(("paths", path) for path in self.paths), *given):
+            try:
+                full_name("/", topic)
+            except ParameterError as error:
+                raise ParameterError(name, error.expected) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,13 +179,4 @@ def read_settings(path: Path) -> EdgeSettings:
     """Settings in a TOML file; files named in it are relative to it."""
     data = read_toml(path)
     resolve_names(path, data, "ros.config", "service.config")
-    settings = decode_table(EdgeSettings, data, str(path))
-    given = asdict(settings.topics)
-    named = [(key, given[key]) for key in given if key not in ("paths", "layer", "command_type")]
-    for key, topic in (*(("paths", topic) for topic in given["paths"]), *named):
-        try:
-            if topic or key == "paths":
-                full_name(settings.ros.namespace, topic)
-        except ParameterError as error:
-            raise fault(path, f"topics.{key}", f"expected {error.expected}") from None
-    return settings
+    return decode_table(EdgeSettings, data, str(path))

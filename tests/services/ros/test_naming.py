@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.errors import ParameterError
 from slopewise.services.ros import naming
 from slopewise.services.ros.settings import EdgeSettings, read_settings
 
@@ -64,16 +64,3 @@ def test_names_that_ros_does_not_have(name: str) -> None:
 
 def test_the_shipped_settings_are_the_defaults() -> None:
     assert read_settings(SHIPPED) == EdgeSettings()
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("map", '"my map"'), ("imu", '"a b"'), ("odometry", '"my odom"'), ("paths", '["plan", ""]')],
-)
-def test_a_topic_that_ros_does_not_have_is_named_with_its_file(
-    tmp_path: Path, key: str, value: str
-) -> None:
-    file = tmp_path / "ros.toml"
-    file.write_text(f"[topics]\n{key} = {value}\n")
-    with pytest.raises(InputError, match=rf"ros\.toml: topics\.{key}: expected"):
-        read_settings(file)
