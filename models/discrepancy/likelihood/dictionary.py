@@ -57,6 +57,11 @@ class Candidate:
         """Columns."""
         return list(range(self.first, self.first + self.count))
 
+    def joins(self, candidate: Candidate) -> bool:
+        """Whether both may be in a set: a shape along an axis can be any effect along it."""
+        axes = [LAWS[c.name].axis if c.named else c.name for c in (self, candidate)]
+        return self.name != candidate.name and (self.named == candidate.named or axes[0] != axes[1])
+
 
 def prior_of(chosen: Sequence[Candidate]) -> tuple[Floats, Floats]:
     """(P,) deviations and means of the columns of some candidates."""
@@ -101,13 +106,11 @@ def spikes_of(table: StopTable, model: Model) -> tuple[Floats, Floats]:
     brakes = [np.fmax(table.grade, 0.0), table.grade * np.abs(table.grade), np.abs(table.roll)]
     brakes += [clock, seen.built * seen.heat(COOLING)]
     brakes += [np.cos(table.yaw), np.sin(table.yaw), np.cos(2 * table.yaw), np.sin(2 * table.yaw)]
-    upright = np.cos(table.grade)
-    brakes += [np.maximum(seen.given - np.quantile(seen.given, 0.7) * upright, 0.0)]
+    brakes += [np.maximum(seen.given - np.quantile(seen.given, 0.7) * np.cos(table.grade), 0.0)]
     if {"x", "y"} <= table.logged:
         x, y = (unit_range(c) for c in (table.x, table.y))
         brakes += [x, y, x * y, x * x, y * y]
-    once = [v, v * v, np.abs(table.yaw_rate)]
-    columns = [*brakes, *once]
+    columns = [*brakes, v, v * v, np.abs(table.yaw_rate)]
     keep = [i for i, c in enumerate(columns) if np.ptp(c) > 1e-9]
     through = np.array([i < len(brakes) for i in keep])
     return np.stack([columns[i] for i in keep], axis=2), through

@@ -142,9 +142,8 @@ class Problem:
             value, slope = by_noise(grams, std, np.exp(log_noise), self.trace.calibrated, centre)
             return -value, -slope
 
-        first = np.log(start)
         options = {"maxfun": MAX_STEPS, "ftol": 1e-6, "maxls": 8}
-        best = minimize(loss, first, method="L-BFGS-B", jac=True, options=options)
+        best = minimize(loss, np.log(start), method="L-BFGS-B", jac=True, options=options)
         return np.asarray(np.exp(best.x), np.float64)
 
 
@@ -165,11 +164,9 @@ def fit(
     return _followed(problem, log_prior, *_converged(problem, onset, noise))
 
 
-def quick_fit(
-    trace: Trace, book: Dictionary, chosen: Sequence[Candidate], log_prior: float, near: Fit
-) -> Fit:
+def quick_fit(book: Dictionary, chosen: Sequence[Candidate], log_prior: float, near: Fit) -> Fit:
     """As :func:`fit`, at the onset of another explanation: only the noise is its own."""
-    problem = Problem(trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
+    problem = Problem(near.trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
     onset = near.onsets[near.best]
     noise = problem.noise(onset, near.noise)
     solution = problem.at(onset, noise)

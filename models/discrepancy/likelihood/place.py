@@ -23,7 +23,7 @@ from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import solved_both
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
 from slopewise.models.discrepancy.likelihood.trace import columns_at, spread_of
-from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis, is_placed
 from slopewise.models.discrepancy.model.prediction import stops_seen
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
@@ -45,10 +45,9 @@ def settled(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, flo
 
     Also their extent.
     """
-    law = LAWS[candidate.name]
-    if law.search is not None and law.search.placed:
+    if is_placed(candidate.name):
         return _patch(fit, at, candidate)
-    if law.enters is Enters.LASTING:
+    if LAWS[candidate.name].enters is Enters.LASTING:
         return _change(fit, at, candidate)
     return [candidate.inner], {}
 

@@ -151,10 +151,13 @@ def _always(
     size = np.maximum(spread_of(spikes[0], used), 1e-12)
     smooth = projected(spikes[0], base, used) / size
     shares = np.concatenate([base, early, by_day, smooth], axis=2)
-    brakes = np.ones(shares.shape[2] - len(size))
     std = [prior.changed(force), np.ones(WAVES), np.full(len(days), prior.SESSION)]
-    std.append(np.full(len(size), prior.SPIKE * force))
-    through = np.concatenate([brakes, spikes[1]]).astype(bool)
+    # Losses by v and by v² are nearly the same: both together are as large as one would be alone.
+    unit = smooth / np.maximum(size_of(smooth, used), 1e-3)
+    correlation = np.einsum("smq,smr,sm->qr", unit, unit, used, optimize=True) / used.sum()
+    shared = np.maximum(np.sum(correlation**2, axis=1), 1.0)
+    std.append(prior.SPIKE * force / np.sqrt(shared))
+    through = np.append(np.ones(shares.shape[2] - len(size), np.bool_), spikes[1])
     return Integrated.of(table, shares, through), np.concatenate(std)
 
 

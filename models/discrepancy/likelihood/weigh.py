@@ -19,8 +19,8 @@ from slopewise.models.discrepancy.likelihood.dictionary import Dictionary, dicti
 from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit, fit, quick_fit
 from slopewise.models.discrepancy.likelihood.place import placed
 from slopewise.models.discrepancy.likelihood.search import WIDTH, EffectSet, searched
-from slopewise.models.discrepancy.likelihood.trace import Trace, trace_of
-from slopewise.models.discrepancy.model.hypothesis import MAX_STEPS
+from slopewise.models.discrepancy.likelihood.trace import trace_of
+from slopewise.models.discrepancy.model.hypothesis import MAX_STEPS, is_placed
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
@@ -72,33 +72,30 @@ def weighed(
         quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
         book = _with_place(book, quiet)
         matches = searched(trace, book, quiet, at.best)[:WIDTH]
-        _try(known, matches, trace, book, at)
+        _try(known, matches, book, at)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
         if not known[leader].settled:
-            known[leader] = _settled(trace, book, known[leader], at)
+            known[leader] = _settled(book, known[leader], at)
             leader = max(known, key=lambda n: known[n].log_weight)
         advance(1.0 - 0.7 * 0.5 ** (turn + 1))
         if leader == before:
             break
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
     for names in {*ranked[:_LEADERS], nothing} - {leader}:
-        known[names] = _settled(trace, book, known[names], known[leader])
+        known[names] = _settled(book, known[names], known[leader])
     every = explanations(known.values(), odds)
     advance(1.0)
     return every, book
 
 
-_Known = dict[frozenset[str], Fit]
-
-
 def _try(
-    known: _Known, matches: Sequence[EffectSet], trace: Trace, book: Dictionary, near: Fit
+    known: dict[frozenset[str], Fit], matches: Sequence[EffectSet], book: Dictionary, near: Fit
 ) -> None:
     """Add sets that are new, or heavier in another place."""
     for match in matches:
         same = known.get(match.names)
         if match.names and (same is None or _moved(match, same)):
-            tried = quick_fit(trace, book, match.chosen, match.log_prior, near)
+            tried = quick_fit(book, match.chosen, match.log_prior, near)
             if same is None or tried.log_weight > same.log_weight:
                 known[match.names] = tried
 
@@ -106,8 +103,7 @@ def _try(
 def _with_place(book: Dictionary, fit: Fit) -> Dictionary:
     """With the likeliest place of each effect that has one, next to the others of a fit."""
     for candidates in [book.candidates[group] for group in book.groups]:
-        law = LAWS.get(candidates[0].name) if candidates[0].named else None
-        if law is not None and law.search is not None and law.search.placed:
+        if candidates[0].named and is_placed(candidates[0].name):
             book = book.plus(fit.trace.table, *placed(fit, fit.best, fit.noise, candidates))
     return book
 
@@ -118,9 +114,9 @@ def _moved(match: EffectSet, known: Fit) -> bool:
     return any(before[c.name] != c.inner for c in match.chosen if "radius" in c.inner)
 
 
-def _settled(trace: Trace, book: Dictionary, known: Fit, near: Fit) -> Fit:
+def _settled(book: Dictionary, known: Fit, near: Fit) -> Fit:
     """With a separate onset, from that of another explanation or from its present one."""
-    return fit(trace, book, known.chosen, known.log_prior, (near, known))
+    return fit(known.trace, book, known.chosen, known.log_prior, (near, known))
 
 
 def explanations(fits: Iterable[Fit], odds: float) -> list[Explanation]:

@@ -21,9 +21,9 @@ BASE = len(NAMES) + 1
 """Numbers before those of the effects: four shifts and the dead time."""
 
 
-def is_placed(effect: Effect) -> bool:
-    """Whether it acts in one place, which is found by trying."""
-    how = LAWS[effect.name].search
+def is_placed(name: str) -> bool:
+    """Whether an effect acts in one place, which is found by trying."""
+    how = LAWS[name].search
     return how is not None and how.placed
 
 

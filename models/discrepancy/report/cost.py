@@ -28,7 +28,7 @@ def cost_of(table: StopTable, fit: Refit, *, unchanged: bool) -> StopCost:
     grade = float(np.clip(_GRADE, *grades))
     turning = "yaw" in table.logged
     headings = np.linspace(0.0, 2.0 * np.pi, _HEADINGS, endpoint=False)
-    patches = [e.parameters for e in fit.hypothesis.added if is_placed(e)]
+    patches = [e.parameters for e in fit.hypothesis.added if is_placed(e.name)]
     places = [(float(np.mean(table.x)), float(np.mean(table.y)))]
     places += [(p["x"], p["y"]) for p in patches]
     plans = [

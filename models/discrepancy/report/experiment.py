@@ -205,7 +205,7 @@ def _choices(table: StopTable, best: Refit) -> dict[str, tuple[float | None, ...
         choices["roll"] = (0.0, float(np.quantile(np.abs(table.roll), 0.95)))
     if "yaw_rate" in table.logged and float(np.quantile(np.abs(table.yaw_rate), 0.95)) > 0.05:
         choices["yaw_rate"] = (0.0, float(np.quantile(np.abs(table.yaw_rate), 0.95)))
-    patch = next((e for e in best.hypothesis.added if is_placed(e)), None)
+    patch = next((e for e in best.hypothesis.added if is_placed(e.name)), None)
     if patch is not None:
         inside = patch.parameters["x"]
         choices["x"] = (inside, inside + 2.0 * patch.parameters["radius"])

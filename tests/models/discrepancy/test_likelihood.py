@@ -8,14 +8,16 @@ from scipy.integrate import solve_ivp
 from scipy.stats import multivariate_normal
 
 from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate
 from slopewise.models.discrepancy.likelihood.gaussian import Grams, solved
 from slopewise.models.discrepancy.likelihood.marginal import by_noise
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment, Onset, Samples
 from slopewise.models.discrepancy.likelihood.search import conditioned, gains_of
-from slopewise.models.discrepancy.likelihood.trace import EARLY_PLACES
+from slopewise.models.discrepancy.likelihood.trace import EARLY_PLACES, trace_of
 from slopewise.models.quantity import GRAVITY
 from tests.world.logs import table
+from tests.world.vehicles import BASE
 
 STOPS, BINS, COLUMNS, RANDOM = 4, 9, 3, 2
 NOISE, VARIANCE = 0.3, np.array([0.5, 2.0])
@@ -71,6 +73,30 @@ def test_a_candidate_gains_what_the_density_gains() -> None:
     left, pull = conditioned(base.left, base.pull, [first_candidate])
     (gain,), _ = gains_of(left, pull, [second_candidate])
     assert gain == pytest.approx(together - first, rel=1e-8)
+
+
+def test_small_versions_of_one_shape_are_together_as_large_as_one() -> None:
+    stops = table("clean")
+    v, roll = (c[:, :, None] for c in (stops.speed, np.abs(stops.roll)))
+    for count, share in ((1, 1.0), (2, 0.5)):
+        level = np.ones_like(v)  # what coefficients can do takes nothing of others
+        shapes = np.concatenate([v] * count + [roll, level], axis=2)
+        trace = trace_of(stops, BASE, (shapes, np.zeros(count + 2, np.bool_)))
+        variance = (trace.always_std[-count - 2 :] / (prior.SPIKE * trace.force)) ** 2
+        np.testing.assert_allclose(variance, [share] * count + [1.0] * 2, rtol=0.1)
+
+
+def test_a_shape_along_an_axis_joins_no_effect_along_it() -> None:
+    names = {"viscous_resistance": True, "aerodynamic_drag": True, "speed": False, "roll": False}
+    viscous, drag, speed, roll = (
+        Candidate(name, named, 0, 1, STD[:1]) for name, named in names.items()
+    )
+    assert not viscous.joins(viscous)
+    assert not viscous.joins(speed)
+    assert not speed.joins(drag)
+    assert viscous.joins(drag)
+    assert viscous.joins(roll)
+    assert speed.joins(roll)
 
 
 def test_derivatives_by_the_noise_are_those_of_the_evidence() -> None:

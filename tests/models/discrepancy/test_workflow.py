@@ -174,7 +174,7 @@ def test_drag_that_costs_a_centimetre_has_no_name() -> None:
 @pytest.mark.parametrize(
     ("false_alarm", "verdict"),
     [
-        (0.02, Verdict.AMBIGUOUS),
+        (0.015, Verdict.AMBIGUOUS),
         pytest.param(0.08, Verdict.MISSING_EFFECT, marks=pytest.mark.nightly),
     ],
 )
