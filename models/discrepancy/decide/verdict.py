@@ -98,9 +98,7 @@ def practical_lengths(distance: Floats, settings: DiscrepancySettings) -> Floats
 
 def _too_noisy(table: StopTable, seen: Resolvable, settings: DiscrepancySettings) -> bool:
     """Half of all effects would have to change stops too much to be seen."""
-    min_change = settings.noisy_share * float(np.median(table.distance))
-    sizes = list(seen.visible.values())
-    return bool(sizes) and float(np.median(sizes)) > min_change
+    return seen.by_noise > settings.noisy_share * float(np.median(table.distance))
 
 
 def _named(

@@ -78,11 +78,6 @@ class Dictionary:
     columns: Integrated
 
     @cached_property
-    def log_prior(self) -> Floats:
-        """(C,) of the candidates."""
-        return np.array([c.log_prior for c in self.candidates])
-
-    @cached_property
     def groups(self) -> list[slice]:
         """Candidates of each name, which stand together."""
         names = [(c.name, c.named) for c in self.candidates]

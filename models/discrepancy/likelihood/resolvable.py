@@ -45,12 +45,14 @@ class Resolvable:
 
     Attributes:
         visible: change of a stop, beyond new coefficients, from which five logs of six like this
-            one name it [m]. hidden: columns of candidates that new coefficients absorb.
+            one name it [m]. by_noise: the median of all if noise alone hid them [m].
+        hidden: columns of candidates that new coefficients absorb.
         absorbed: causes that explain the log as well as new coefficients do: effects, or
             :data:`GRADE_BIAS`; each with a test that distinguishes it from them, as a sentence.
     """
 
     visible: Mapping[str, float]
+    by_noise: float
     hidden: frozenset[int]
     absorbed: Mapping[str, str]
 
@@ -59,13 +61,15 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     """Effects that the log could have shown."""
     named = [c for c in book.candidates if c.named]
     log = _Normal(fit, at, book.columns.take([c.first for c in named]))
-    share, sizes = log.seen()
+    share, sizes, sizes_by_noise = log.seen()
     visible: dict[str, float] = {}
+    by_noise: list[float] = []
     never_seen = set()
     for name in dict.fromkeys(c.name for c in named):
         group = [i for i, c in enumerate(named) if c.name == name]
         # Place of a surface and direction of a wind are arbitrary: the middle of the grid.
         visible[name] = float(np.median(sizes[group]))
+        by_noise.append(float(np.median(sizes_by_noise[group])))
         if share[group].min() >= _ABSORBED:
             never_seen.add(name)
     stops = len(fit.trace.table)
@@ -78,11 +82,10 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     for i, c in enumerate(named):
         if c.name in never_seen:
             chi_square, strength, _ = log.cause_chi_square(i)
-            able = strength > 0.0 or not c.one_sided
-            if able and chi_square < limit:
+            if chi_square < limit and (strength > 0.0 or not c.one_sided):
                 causes.setdefault(c.name, LAWS[c.name].experiment)
     hidden = frozenset(named[i].first for i in np.flatnonzero(share >= _ABSORBED))
-    return Resolvable(visible, hidden, causes)
+    return Resolvable(visible, float(np.median(by_noise or [0.0])), hidden, causes)
 
 
 class _Normal:
@@ -112,33 +115,38 @@ class _Normal:
         self.squares = np.diag(weighed)[len(std) : -2]
         self.std = with_onset(std, fit.noise)
         self.base = np.append(0, np.arange(len(std))[BASE_PLACES])
+        self.std_of_others = self.std.copy()  # coefficients and dead time are free
+        self.std_of_others[self.base] = np.inf
         span = (table.time[:, -1] - table.time[:, 0]) / (table.spread > 0.0).sum(axis=1)
         held = (table.spread > 0.0) * span[:, None]
         self.way = np.einsum("sk,skp->sp", held, every[:, :, self.base])
         self.candidates_way = np.einsum("sk,skq->sq", held, candidates[:, :, :-1])
 
-    def seen(self) -> tuple[Floats, Floats]:
-        """(Q,) share of each candidate's column that new coefficients absorb, and its size [m].
+    def seen(self) -> tuple[Floats, Floats, Floats]:
+        """(Q,) share of each candidate's column that new coefficients absorb, and its sizes [m].
 
-        The size is the change of stops, beyond what new coefficients can do, from which five logs
-        of six would show it, in the stops that it changes most.
+        A size is the change of stops, beyond what new coefficients can do, from which five logs
+        of six would show it, in the stops that it changes most: next to all that is always there,
+        as a small version of it, and next to noise alone.
         """
         inner = self.inner[np.ix_(self.base, self.base)]
         cross, alone = self.cross[:-1, self.base].T, self.squares[:-1]
         taken = np.linalg.solve(inner + np.diag(1e-9 * np.diag(inner)), cross)
         left = np.maximum(alone - np.sum(cross * taken, axis=0), 0.0)
         change = np.abs(self.candidates_way - self.way @ taken)
-        known = np.where(left > ROUNDING * alone, left, np.nan)
+        columns, precision = self.cross[:-1, : len(self.std)].T, 1.0 / self.std_of_others**2
+        inner = self.inner[:, : len(self.std)] + np.diag(precision + 1e-9 * np.diag(self.inner))
+        beyond = alone - np.sum(columns * np.linalg.solve(inner, columns), axis=0)
+        known = np.where(left > ROUNDING * alone, [np.maximum(beyond, 1e-300), left], np.nan)
         size = np.sort(change, axis=0)[-CHANGED_STOPS] * (np.sqrt(NAMED_FROM) + 1.0)
         absorbed = np.asarray(1.0 - left / np.maximum(alone, 1e-300), np.float64)
-        return absorbed, np.nan_to_num(size / np.sqrt(known), nan=np.inf)
+        always, by_noise = np.nan_to_num(size / np.sqrt(known), nan=np.inf)
+        return absorbed, always, by_noise
 
     def base_chi_square(self) -> float:
         """With free coefficients and dead time."""
-        std = self.std.copy()
-        std[self.base] = np.inf
-        count = len(std)
-        return float(self.sides[0] - _fitted(self.inner[:, :count], std, self.inner[:, -2])[0])
+        inner, pull = self.inner[:, : len(self.std)], self.inner[:, -2]
+        return float(self.sides[0] - _fitted(inner, self.std_of_others, pull)[0])
 
     def cause_chi_square(self, candidate: int) -> tuple[float, float, float]:
         """As configured with a candidate, or the bias after them; its strength, and the std."""

@@ -70,7 +70,8 @@ def _grown(
     (gain, sign), (changed_gain, changed_sign) = (gains_of(*x, book.candidates) for x in left)
     each = start.each[0] + gain, start.each[1] + changed_gain
     tempered = prior.TEMPER * mixed(*each)
-    log_weight = book.log_prior + np.where(changed_gain > gain, changed_sign, sign) + tempered
+    log_weight = np.where(changed_gain > gain, changed_sign, sign) + tempered
+    log_weight += [c.log_prior for c in book.candidates]
     price = np.log(prior.FURTHER) if depth else 0.0
     grown = []
     for group in book.groups:

@@ -38,7 +38,7 @@ def test_a_contradicted_name_is_none_only_if_no_axis_says_otherwise(
     stops = table("clean")
     shapes = np.sin(stops.grade)[:, :, None]
     axis = ResidualAxis(Axis("grade", "rad", stops.grade, (shapes,)), p_value, 20.0, shapes, 0.01)
-    seen, settings = Resolvable({}, frozenset(), {}), DiscrepancySettings()
+    seen, settings = Resolvable({}, 0.0, frozenset(), {}), DiscrepancySettings()
     wrong = wrong_for_certain(stops)
     decision, _ = held_to_account(stops, refit_of(stops), wrong, [axis], seen, settings)
     assert decision.verdict is verdict
