@@ -19,7 +19,7 @@ inline constexpr int trials = 40;
 // Trials that are guessed from where stops end; then, and where loads decide, they bisect.
 inline constexpr int guesses = 8;
 // How close below the highest speed a trial is good enough [m/s].
-inline constexpr double speed_error = 1e-6;
+inline constexpr double speed_error = 1e-4;
 // How close before the target a stop is good enough [m].
 inline constexpr double stop_error = 1e-7;
 
@@ -125,8 +125,10 @@ inline void bound_stops_by_trial(const StopLane& lane, Index last_risk,
   for (Index k = 0; k < last; ++k) {
     double& bound = lane.speed_sq_max(k);
     if (bound <= 0.0) continue;
-    const auto found =
-        detail::highest_stop(static_cast<std::size_t>(k), std::sqrt(bound), path, conditions);
+    const auto from = static_cast<std::size_t>(k);
+    const double speed = std::sqrt(bound);
+    if (!everywhere && detail::cannot_unload(from, speed, path, conditions)) continue;
+    const auto found = detail::highest_stop(from, speed, path, conditions);
     if (found.why == Ending::stopped) continue;
     bound = found.speed * found.speed;
     lane.bounds.limiting.at(k)[lane.j] = detail::label_of(found.why);

@@ -168,6 +168,37 @@ inline Held hold_speed(std::size_t k, double onset, double energy, StopPath path
   return held;
 }
 
+// Are loads enough at a station on any stop from up to a speed, braking or not?
+inline bool stays_loaded(const StopStation& at, double speed, const Vehicle& v) noexcept {
+  const double energy = speed * speed, up = at.upright - at.falls * energy;
+  const double braking = speed * at.upper_slope + at.upper_intercept;
+  const double held = min_of(v.rear_lever * at.sin_grade, -v.front_lever * at.sin_grade);
+  const double axle = up + min_of(held, -v.rear_lever * braking);
+  const double tilt = max_of(std::fabs(at.tilt), std::fabs(at.tilt + at.lean * energy));
+  const double side = up - v.side_lever * tilt;
+  return min_of(min_of(axle, side), axle + side - up) >= v.min_load + load_guard;
+}
+
+// Does a stop from station k end, or pass `watched`, before its speed there could unload anything on
+// its way? Of stops that the brakes alone decide.
+inline bool cannot_unload(std::size_t k, double speed, StopPath path,
+                          const StopConditions& conditions) noexcept {
+  const double v_i = max_of(speed, path[k].slowest);
+  const auto slowing = [v_i](const StopStation& at) {
+    return gravity * (v_i * at.lower_slope + at.lower_intercept + at.sin_grade);
+  };
+  double energy = speed * speed, onset = path[k].station + speed * path[k].dead_time;
+  for (std::size_t i = k; stays_loaded(path[i], v_i, conditions.vehicle); ++i) {
+    if (energy <= 0.0 || path[i].station > conditions.watched || i + 1 == path.size()) return true;
+    // Between stations the force is linear and the sine no less than at the lower end.
+    const double least = min_of(slowing(path[i]), slowing(path[i + 1]));
+    if (least <= 0.0) return false;
+    const double braked = path[i + 1].station - max_of(path[i].station, onset);
+    energy -= 2.0 * least * max_of(braked, 0.0);
+  }
+  return false;
+}
+
 // Length of the next step in a segment [m].
 inline double next_piece(double left, double length, double energy, double lag) noexcept {
   const double piece = min_of(left, max_of(length / substeps, least_step));

@@ -4,12 +4,13 @@
 // with sums of sines, the verifier follows every emergency stop to its end, on the laws of `models`.
 #pragma once
 
+#include "verify/carefree_speeds.hpp"
 #include "verify/verify_terms.hpp"
 
 namespace slopewise::verify {
 
 [[nodiscard]] inline Index verify_memory(Index stations) noexcept {
-  return (2 * survey_columns + 3) * stations;
+  return (2 * survey_columns + 4) * stations;
 }
 
 namespace detail {
@@ -33,13 +34,9 @@ class Verifier {
                          ? survey_
                          : survey_of(plan.even, terms.body, memory + survey_columns * n_)),
         on_{plan.track, survey_}, even_on_{plan.even, even_survey_},
-        sticks_(memory + 2 * survey_columns * n_), excess_(sticks_ + n_),
-        steering_speed_(excess_ + n_) {
-    const double fastest = fastest_stop();
-    at_risk_ = loads_at_risk(fastest);
-    quick_ = !(terms.in_time || at_risk_);
+        excess_(memory + 2 * survey_columns * n_), steering_speed_(excess_ + n_),
+        carefree_(on_, terms.limits, fastest_stop(), steering_speed_ + n_) {
     follow_steering(plan.track, terms.steering, excess_, steering_speed_);
-    find_where_stops_stick(fastest);
     const double end = plan.clear_distance - plan.distance_offset - terms.errors.along_track;
     target_ = target_at(on_, end);
     limit_ = max_of(plan.clear_distance, plan.track.station[0]) + 5.0;
@@ -109,38 +106,6 @@ class Verifier {
            max_of(rolls_on, 0.0) * largest(plan_.track.dead_time, n_, 1.0);
   }
 
-  // Could any stop from up to this speed unload an axle, side or wheel too much, anywhere?
-  [[nodiscard]] bool loads_at_risk(double fastest) const noexcept {
-    const Track& track = plan_.track;
-    double least = infinite;
-    for (Index k = 0; k < n_; ++k) {
-      const double slow = track.slowest[k], slope = track.upper_slope[k];
-      const double part = max_of(slow * slope, max_of(fastest, slow) * slope);
-      const double decel =
-          gravity * max_of(part + track.upper_intercept[k] + survey_.sine[k], 0.0);
-      const double lost = max_of(-track.vertical_curvature[k], 0.0) * fastest * fastest / gravity;
-      const double rolling = survey_.per_lateral * fastest * fastest * std::abs(survey_.lean[k]);
-      const double side = min_of(survey_.left[k], survey_.right[k]) - rolling;
-      const double axle =
-          min_of(survey_.rear[k] - survey_.per_decel * decel, survey_.front[k]);
-      const double upright = 0.5 * (survey_.left[k] + survey_.right[k]);
-      least = min_of(least, min_of(min_of(axle, side), axle + side - upright) - lost);
-    }
-    return !(least >= terms_.limits.min_load);
-  }
-
-  // Station up to which no stop from each segment slides: none that is faster than this.
-  void find_where_stops_stick(double fastest) noexcept {
-    const Track& track = plan_.track;
-    double ahead = infinite;
-    for (Index k = n_ - 1; k >= 0; --k) {
-      if (may_slide(track, terms_.limits, k, fastest)) {
-        ahead = k > 0 ? track.station[k - 1] : -infinite;
-      }
-      sticks_[k] = ahead;
-    }
-  }
-
   // The stop of a vehicle that is faster than planned, late, and rolls on in its dead time.
   [[nodiscard]] StopCommand as_it_may_be(const StopCommand& command, Index i) const noexcept {
     const Track& track = plan_.track;
@@ -167,17 +132,19 @@ class Verifier {
                 Shares& least) const noexcept {
     const Surveyed& on = told ? even_on_ : on_;
     const double height = told ? 0.0 : terms_.errors.height;
-    const double sticks = told ? infinite : sticks_[i];
-    if (quick_ && !told && target_.station <= sticks &&
+    if (!terms_.in_time && !told && i >= carefree_.from() &&
         ends_before(on, command, target_, height, stop.onset_in)) {
       return min_of(command.station, target_.station);
     }
-    if (!terms_.in_time && command.station <= sticks) {
+    const double fastest = command.force_speed();
+    if (!terms_.in_time && (told || carefree_.sticks(i, fastest, command.station))) {
       StopEnd found = stop;
       stop_by_energy(on, command, height, found);
-      if (found.station <= sticks) {
+      if (told || carefree_.sticks(i, fastest, found.station)) {
         stop = found;
-        if (at_risk_ || told) least = loads_by_energy(on, command, i, found);
+        if (told || !carefree_.stays_loaded(i, fastest, found.station)) {
+          least = loads_by_energy(on, command, i, found);
+        }
         return found.station;
       }
     }
@@ -318,9 +285,8 @@ class Verifier {
   Index n_;
   Survey survey_, even_survey_;
   Surveyed on_, even_on_;
-  double *sticks_, *excess_, *steering_speed_;  // (N,)
-  bool at_risk_ = false;  // loads may run short
-  bool quick_ = false;    // whether a stop ends before the target decides
+  double *excess_, *steering_speed_;  // (N,)
+  CarefreeSpeeds carefree_;
   Target target_{};       // where stops have to end
   double limit_ = 0.0;    // stops that get here are not followed further [m]
   StopEnd stop_{};        // the last one: the next begins where it did, or later
