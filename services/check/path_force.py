@@ -47,6 +47,13 @@ class PathForce(NamedTuple):
         total: Floats = (ends.max(axis=0) if upper else ends.min(axis=0)) + self.extra
         return total
 
+    def on_rows(self, line: Line) -> PathForce:
+        """Without surfaces that are touched between two rows alone: plans see those of rows."""
+        rows = self.on[:, line.at_row]
+        near = rows[:, line.row] | rows[:, np.minimum(line.row + 1, rows.shape[1] - 1)]
+        on = self.on & near
+        return self._replace(on=np.where(on.any(axis=0), on, near))
+
 
 def surface_force(terms: Floats, speed: Floats, *, upper: bool) -> Floats:
     """Lower or upper bound of F_b/W by terms (6, …) of :class:`PathForce`, without ground terms."""

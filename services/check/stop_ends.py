@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -88,7 +89,8 @@ def stops_at_rows(drive: CheckedDrive, motion: Motion, worst: StopEnds) -> Check
     moves = moving[rows]
     first = rows[moves]
     start = ground.station[first]
-    stops = nominal_stops(drive.field, _starts(drive, first, motion.speed[first]))
+    field = replace(drive.field, brakes=drive.field.brakes.on_rows(drive.line))
+    stops = nominal_stops(field, _starts(drive, first, motion.speed[first]))
     lane = (np.cumsum(moving) - 1)[first]
 
     def at_rows(end: Floats, min_loads: Floats) -> Floats:
