@@ -114,8 +114,7 @@ def _replay_plan(
     if report is not None:
         page.write_replay_page(report, result, summary, bag=bag.name, model=model)
     rows = page.cause_cells(summary.statuses) + page.cause_cells(summary.guard, "guard: ")
-    tables: list[Any] = [page.verdict(summary)]
-    tables += [f"{reason}: {plural(n, 'cycle')}" for reason, n in summary.missing.items()]
+    tables: list[Any] = [page.verdict(summary), *map(line, summary.notices)]
     head = ("status", "reason, the first time", "cycles", "first, s")
     tables += table(head, rows, left=("reason, the first time",))
     columns = ("from, s", "to, s", "x, y, m", "driven, m/s", "planned, m/s", "reason")

@@ -21,14 +21,18 @@ from slopewise.services.io.topics import only_topic, read_sources
 _TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 
 _MAX_AGE = 1.0
-"""Age above which the stamp of odometry is taken to be of another clock than the recorder's [s]."""
+"""Age of odometry up to which its stamp is of the recorder's clock [s]: once one was, all are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedPose(PlanarState):
-    """Odometry: the state, its age on arrival, and the yaw rate [rad/s]."""
+    """Odometry: the state, its age on arrival, and the yaw rate [rad/s].
+
+    `age_known`: the stamp is of the recorder's clock; else the age is 0.
+    """
 
     yaw_rate: float
+    age_known: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +77,14 @@ def drive_events(path: Path, mapping: Path | None = None) -> Iterator[tuple[floa
             next(twists, ""),  # of commands; not all robots record them
         }
         connections = [c for c in bag.reader.connections if c.topic in names]
-        frame, begin = "", None
+        frames, begin, one_clock = _Frames(path), None, False
         for connection, at, raw in bag.raw(connections):
             topic, kind = connection.topic, connection.msgtype
             begin = at if begin is None else begin
             time = 1e-9 * (at - begin)
             if kind == GRID_MAP:
                 message = read_cdr(raw, kind, path, f"topic {topic}")
-                frame = frame or message.header.frame_id
+                frames.check_map(topic, message.header.frame_id)
                 try:
                     yield time, elevation_map_of(message, source.layer)
                 except ParameterError as error:
@@ -88,42 +92,67 @@ def drive_events(path: Path, mapping: Path | None = None) -> Iterator[tuple[floa
                 continue
             message = bag.decoded(connection, raw)
             if kind == PATH:
-                yield time, _path(path, topic, message, frame)
+                yield time, _path(topic, message, frames)
             elif kind == ODOMETRY:
-                _check_frame(path, topic, message.header.frame_id, frame)
-                yield time, _pose(message, at)
+                frames.check(topic, message.header.frame_id)
+                pose = _pose(message, at, one_clock=one_clock)
+                one_clock = pose.age_known
+                yield time, pose
             else:
                 twist = message.twist if kind == _TWISTS[1] else message
                 yield time, RecordedCommand(float(twist.linear.x), float(twist.angular.z))
 
 
-def _check_frame(path: Path, topic: str, given: str, frame: str) -> None:
-    if frame and given.lstrip("/") != frame.lstrip("/"):
-        expected = (
-            f"expected frame {frame} as the map has it, got {given}: transforms of recordings are "
-            "not followed, record odometry in the frame of the map"
-        )
-        raise fault(path, f"topic {topic}, header.frame_id", expected)
+class _Frames:
+    """Frames of a recording's messages: all have to be that of the first map, also before it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._before: dict[str, str] = {}  # topic -> frame of messages before the first map
+        self.map = ""
+
+    def check_map(self, topic: str, frame: str) -> None:
+        """Check a map's frame; the first one is that of all other messages. Empty: not stated."""
+        if frame:
+            self.check(topic, frame)
+        self.map = self.map or frame
+        before, self._before = self._before, {}
+        for earlier, given in before.items():
+            self.check(earlier, given)
+
+    def check(self, topic: str, given: str) -> None:
+        """InputError for another frame than the map's, as soon as that is known."""
+        if not self.map:
+            self._before[topic] = given
+        elif given.lstrip("/") != self.map.lstrip("/"):
+            expected = (
+                f"expected frame {self.map} as the map has it, got {given}: transforms of "
+                "recordings are not followed, record all in the frame of the map"
+            )
+            raise fault(self._path, f"topic {topic}, header.frame_id", expected)
 
 
-def _path(path: Path, topic: str, message: Any, frame: str) -> CandidatePath | UnusableMessage:
-    if frame and (different := other_frame(message, frame)):
-        _check_frame(path, topic, different, frame)
+def _path(topic: str, message: Any, frames: _Frames) -> CandidatePath | UnusableMessage:
+    if given := other_frame(message, frames.map):
+        frames.check(topic, given)
     try:
         return CandidatePath(topic, points_of(message))
     except ParameterError as error:
         return UnusableMessage(topic, str(error))
 
 
-def _pose(message: Any, at: int) -> RecordedPose:
+def _pose(message: Any, at: int, *, one_clock: bool) -> RecordedPose:
+    """Odometry received at a time [ns]; `one_clock`: its stamps are of the recorder's clock."""
     position, q = message.pose.pose.position, message.pose.pose.orientation
     twist, stamp = message.twist.twist, message.header.stamp
     age = 1e-9 * (at - stamp.sec * 1_000_000_000 - stamp.nanosec)
+    age_known = one_clock or 0.0 <= age <= _MAX_AGE
     return RecordedPose(
         x=position.x,
         y=position.y,
         heading=attitude(q.w, q.x, q.y, q.z)[2],
         speed=math.copysign(math.hypot(twist.linear.x, twist.linear.y), twist.linear.x),
-        age=age if 0.0 <= age <= _MAX_AGE else 0.0,
+        age=max(age, 0.0) if age_known else 0.0,
         yaw_rate=float(twist.angular.z),
+        age_known=age_known,
     )

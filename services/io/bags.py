@@ -207,7 +207,11 @@ def opened(path: Path) -> Iterator[Bag]:
             any_reader = AnyReader([folder_of(path) or path], default_typestore=store)
             reader = stack.enter_context(any_reader)
         except Exception as error:  # noqa: BLE001 - a length in a broken file may lead anywhere
-            raise fault(path, "", f"expected a ROS 2 recording, got: {reason(error)}") from None
+            cut = "; if it was cut off, `mcap recover` keeps what was recorded"
+            hint = cut if "magic" in str(error) else ""
+            raise fault(
+                path, "", f"expected a ROS 2 recording, got: {reason(error)}{hint}"
+            ) from None
         yield Bag(path, reader, {c.topic: c.msgtype for c in reader.connections})
 
 

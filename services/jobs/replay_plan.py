@@ -35,6 +35,15 @@ _SPEED_TOLERANCE = 0.1
 """A lower limit slows the vehicle only if it is below the recorded speed by more than that [m/s]:
 tracking removes smaller errors (`speed_error` of the horizon)."""
 
+_MAX_SILENCE = 1.0
+"""Time without odometry after which cycles are only counted [s]: long before, the guard stops."""
+
+UNUSABLE = "unusable: "
+"""How messages that are not usable are counted: with topic and reason."""
+
+ODOMETRY_OF_ANOTHER_CLOCK = "odometry with stamps of another clock: its age is unknown"
+"""How odometry is counted whose age on arrival is taken to be 0."""
+
 GuardDecide = Callable[..., Any]
 """A decision as `slopewise.guard_decision`: with `action`, `command.speed` and `reason`."""
 
@@ -88,38 +97,37 @@ def replay_plan(
     """
     model = read_model(find_model(model_file))
     settings = HorizonSettings()
-    horizon = Horizon(model, settings, uncertainty=Uncertainty())
     result = ReplayResult(model, settings.period)
-    replay, due, begin = _Replay(horizon, decide), 0.0, time.monotonic()
+    replay = _Replay(Horizon(model, settings, uncertainty=Uncertainty()), decide, result, speed_up)
     for at, event in drive_events(bag, topics):
+        replay.without_odometry(at)
         result.driven = at
         result.received[replay.take(event)] += 1
-        if not isinstance(event, RecordedPose) or at < due:
-            continue
-        due = at + settings.period - 1e-6
-        time.sleep(max(begin + at / speed_up - time.monotonic(), 0.0))
-        if missing := replay.missing():
-            result.missing[missing] += 1
-            continue
-        if not result.cycles:
-            replay.warm_up(event)
-            begin = time.monotonic() - at / speed_up
-        result.cycles.append(replay.cycle(at, event))
+        if isinstance(event, RecordedPose):
+            replay.with_odometry(at, event)
     if not result.cycles:
-        skipped = ", ".join(f"{reason}: {n} cycles" for reason, n in result.missing.items())
-        expected = (
-            f"expected map, path and odometry at one time, got none ({skipped or 'no odometry'})"
-        )
-        raise InputError(str(bag), "messages", expected)
+        raise InputError(str(bag), "messages", _nothing_planned(result))
     _add_next_speeds(result)
     return result
+
+
+def _nothing_planned(result: ReplayResult) -> str:
+    """The reason that no cycle was planned: what was missing, and the first unusable messages."""
+    reasons = [f"{reason}: {n} cycles" for reason, n in result.missing.items()] or ["no odometry"]
+    reasons += [kind for kind in result.received if kind.startswith(UNUSABLE)][:3]
+    return f"expected map, path and odometry at one time, got none ({'; '.join(reasons)})"
 
 
 class _Replay:
     """Newest messages at one moment of the recording, and the cycles on them."""
 
-    def __init__(self, horizon: Horizon, decide: GuardDecide) -> None:
+    def __init__(
+        self, horizon: Horizon, decide: GuardDecide, result: ReplayResult, speed_up: float
+    ) -> None:
         self._horizon, self._decide = horizon, decide
+        self._result, self._speed_up = result, speed_up
+        self._due, self._begin = 0.0, time.monotonic()
+        self._odometry: tuple[float, RecordedPose] | None = None  # the newest, with its arrival
         self._map: ElevationMap | None = None
         self._paths: dict[str, CandidatePath] = {}
         self._command: RecordedCommand | None = None
@@ -139,8 +147,41 @@ class _Replay:
             case UnusableMessage():
                 # A path that cannot be used replaces the one before it.
                 self._paths.pop(event.topic, None)
-                return f"unusable: {event.topic}: {event.reason}"
+                return f"{UNUSABLE}{event.topic}: {event.reason}"
+            case RecordedPose(age_known=False):
+                return ODOMETRY_OF_ANOTHER_CLOCK
         return "odometry"
+
+    def with_odometry(self, at: float, pose: RecordedPose) -> None:
+        """Odometry that arrives at a time [s]: a cycle on it, if one is due."""
+        self._odometry = at, pose
+        if at >= self._due:
+            self._due = at + self._result.period - 1e-6
+            self._cycle_or_missing(at, pose)
+
+    def without_odometry(self, until: float) -> None:
+        """The cycles of a robot up to a time [s] since its odometry failed to arrive."""
+        period = self._result.period
+        while self._odometry is not None and self._due + period < until:
+            arrived, pose = self._odometry
+            silence, at = self._due - arrived, self._due
+            self._due += period
+            if silence <= _MAX_SILENCE:
+                self._cycle_or_missing(at, replace(pose, age=pose.age + silence))
+            else:
+                self._result.missing[f"no odometry for {_MAX_SILENCE:g} s"] += 1
+
+    def _cycle_or_missing(self, at: float, pose: RecordedPose) -> None:
+        """The cycle of a time [s] since the first message, at that time; or what it lacks."""
+        time.sleep(max(self._begin + at / self._speed_up - time.monotonic(), 0.0))
+        result = self._result
+        if missing := self.missing():
+            result.missing[missing] += 1
+            return
+        if not result.cycles:
+            self.warm_up(pose)
+            self._begin = time.monotonic() - at / self._speed_up
+        result.cycles.append(self.cycle(at, pose))
 
     def missing(self) -> str:
         """Reason why nothing can be planned, empty if it can."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 
 import numpy as np
 
+from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.replay_plan import ReplayCycle, ReplayResult
 from slopewise.services.jobs.summary import Summary
 
@@ -28,13 +30,14 @@ class CauseRow(Summary, frozen=True):
 class SlowedRow(Summary, frozen=True):
     """A stretch in which the driver would have been slowed: times [s], place [m], speeds [m/s].
 
-    `driven` and `limit` are where they differ most, with the reason there.
+    `driven` and `limit` are where they differ most, with the reason there; no place where odometry
+    gave none.
     """
 
     begin: float
     end: float
-    x: float
-    y: float
+    x: float | None
+    y: float | None
     driven: float
     limit: float
     status: str
@@ -44,7 +47,8 @@ class SlowedRow(Summary, frozen=True):
 class ReplaySummary(Summary, frozen=True):
     """Output of `replay --plan --json`: SI units.
 
-    `late`: cycles that took longer than the period; `missing`: cycles without a map or path.
+    `late`: cycles that took longer than the period; `missing`: cycles without a map, a path or
+    odometry.
     """
 
     model: str
@@ -60,6 +64,15 @@ class ReplaySummary(Summary, frozen=True):
     guard: list[CauseRow]
     slowed: list[SlowedRow]
     slowed_seconds: float
+
+    @property
+    def notices(self) -> list[str]:
+        """Cycles without a plan and messages that were rejected or corrected, by reason."""
+        expected = {"maps", "paths", "commands", "odometry"}
+        rejected = {kind: n for kind, n in self.received.items() if kind not in expected}
+        return [f"{reason}: {plural(n, 'cycle')}" for reason, n in self.missing.items()] + [
+            f"{kind}: {plural(n, 'message')}" for kind, n in rejected.items()
+        ]
 
 
 def summarise(result: ReplayResult) -> ReplaySummary:
@@ -96,8 +109,8 @@ def _slowed(stretch: list[ReplayCycle]) -> SlowedRow:
     return SlowedRow(
         stretch[0].time,
         stretch[-1].time,
-        worst.pose.x,
-        worst.pose.y,
+        worst.pose.x if math.isfinite(worst.pose.x) else None,
+        worst.pose.y if math.isfinite(worst.pose.y) else None,
         worst.next_speed,
         worst.limit,
         worst.answer.status.value,

@@ -27,7 +27,7 @@ def write_replay_page(
             "received": ", ".join(received[:6]),
             "cycles": f"{summary.cycles} of {summary.period:g} s in {summary.driven:.1f} s",
         },
-        "notices": [f"{reason}: {n} cycles" for reason, n in summary.missing.items()],
+        "notices": summary.notices,
         "statuses": cause_cells(summary.statuses, none="–"),
         "guard": cause_cells(summary.guard, none="–"),
         "slowed": slowed_cells(summary)[:MAX_ROWS],
@@ -63,7 +63,7 @@ def slowed_cells(summary: ReplaySummary) -> list[tuple[str, ...]]:
         (
             f"{r.begin:.1f}",
             f"{r.end:.1f}",
-            f"{r.x:.1f}, {r.y:.1f}",
+            "–" if r.x is None or r.y is None else f"{r.x:.1f}, {r.y:.1f}",
             f"{r.driven:.2f}",
             f"{r.limit:.2f}",
             f"{r.status}: {r.reason}" if r.reason else r.status,

@@ -39,7 +39,10 @@ def map_around(x: float) -> Any:
 
 
 def drive(*, frame: str = "odom", late: float = 0.0) -> Iterator[Message]:
-    """Odometry at 20 Hz, a map a second from 0.5 s on, a path at 1 s, one that is broken at 2 s."""
+    """Odometry at 20 Hz, a map a second from 0.5 s on, a path at 1 s, one that is broken at 2 s.
+
+    Its stamps are `late` [s] before arrival.
+    """
     x, speed = 0.0, SPEED
     for k in range(180):
         t = 0.05 * k
@@ -105,6 +108,43 @@ def test_late_odometry_slows_sooner(tmp_path: Path) -> None:
     assert 0.1 < slowed[0]["begin"] - slowed[1]["begin"] < 0.9
 
 
+def test_cycles_continue_where_odometry_is_missing(tmp_path: Path) -> None:
+    silent = (m for m in drive() if m[1] != "/odom" or not 3.02 < m[0] < 5.97)
+    summary = replayed(recorded(tmp_path / "drive", silent), "--speed-up", "inf")
+    # From 3.1 to 5.9 s: up to 1 s on a state that gets older, then none.
+    assert summary["missing"]["no odometry for 1 s"] == 19
+    assert summary["cycles"] == 80 - 19
+
+
+def test_stamps_of_another_clock_are_reported(tmp_path: Path) -> None:
+    known = "odometry"
+    unknown = "odometry with stamps of another clock: its age is unknown"
+    for late, names in ((100.0, {unknown}), (0.0, {known})):
+        summary = replayed(recorded(tmp_path / f"{late}", drive(late=late)), "--speed-up", "inf")
+        assert {kind for kind in summary["received"] if kind.startswith(known)} == names
+    # Once a stamp was of the recorder's clock, a later step of the clock is an age.
+    jump = (
+        (t, topic, kind, odometry(SPEED, SPEED * t, 98.0 + t) if at_end else message)
+        for t, topic, kind, message in drive()
+        for at_end in [topic == "/odom" and 5.0 < t < 5.5]
+    )
+    summary = replayed(recorded(tmp_path / "jump", jump), "--speed-up", "inf")
+    assert unknown not in summary["received"]
+    assert summary["slowed"][0]["begin"] < 5.2
+
+
+def test_odometry_that_is_not_finite_has_no_place(tmp_path: Path) -> None:
+    nan = (
+        (t, topic, kind, odometry(SPEED, float("nan"), 100.0 + t) if lost else message)
+        for t, topic, kind, message in drive()
+        for lost in [topic == "/odom" and 3.0 < t < 3.5]
+    )
+    bag = recorded(tmp_path / "drive", nan)
+    first = replayed(bag, "--speed-up", "inf", "--report", tmp_path / "page.html")["slowed"][0]
+    assert first["x"] is None
+    assert "state.x is nan" in first["reason"]
+
+
 def test_a_replay_keeps_the_rate_of_the_recording(tmp_path: Path) -> None:
     import time
 
@@ -114,10 +154,41 @@ def test_a_replay_keeps_the_rate_of_the_recording(tmp_path: Path) -> None:
     assert time.monotonic() - begin > (9.0 - 1.0) / 4.0
 
 
+def test_maps_in_two_frames_are_refused(tmp_path: Path) -> None:
+    def moved(message: Message) -> Message:
+        if message[1] == "/elevation" and message[0] > 4.0:
+            message[3].header.frame_id = "map"
+        return message
+
+    bag = recorded(tmp_path / "drive", map(moved, drive()))
+    done = here("replay", bag, "--plan", "--model", "atv", "--speed-up", "inf")
+    one_line_of(done, "topic /elevation, header.frame_id: expected frame odom")
+
+
+def test_unusable_messages_are_named(tmp_path: Path) -> None:
+    broken = (m for m in drive() if m[1] != "/plan")
+    done = here("replay", recorded(tmp_path / "a", broken), "--plan", "--model", "atv")
+    one_line_of(done, "unusable: /broken: points: expected at least")
+    bag = recorded(tmp_path / "b", drive())
+    done = here("replay", bag, "--plan", "--model", "atv", "--speed-up", "inf")
+    assert "unusable: /broken: points: expected at least" in done.stdout
+    data = next(bag.glob("*.mcap")).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: len(data) // 2])
+    one_line_of(here("replay", cut, "--plan", "--model", "atv"), "`mcap recover` keeps")
+
+
 def test_what_cannot_be_replayed_is_one_line(tmp_path: Path) -> None:
     bag = recorded(tmp_path / "drive", drive(frame="base"))
     done = here("replay", bag, "--plan", "--model", "atv", "--speed-up", "inf")
     one_line_of(done, "header.frame_id: expected frame odom as the map has it, got base")
+    early = (m for m in drive() if m[1] != "/plan")
+    path = grid_maps.path(np.array([[0.0, 0.0], [9.0, 0.0]]), "map")
+    bag = recorded(tmp_path / "early", iter([(0.0, "/plan", PATH, path), *early]))
+    done = here("replay", bag, "--plan", "--model", "atv", "--speed-up", "inf")
+    one_line_of(
+        done, "topic /plan, header.frame_id: expected frame odom as the map has it, got map"
+    )
     only_maps = recorded(tmp_path / "maps", (m for m in drive() if m[1] == "/elevation"))
     done = here("replay", only_maps, "--plan", "--model", "atv")
     one_line_of(done, "expected a topic of nav_msgs/msg/Odometry, got /elevation")
