@@ -51,9 +51,10 @@ def calibrate(
     grade, brake level and session, from which plans at any quantile take their distance. Says
     which share n stops of m sessions support; name sessions (days) in a column session. Suspect
     stretches are excluded and listed. Named effects of the model stay in force. Status 3: the
-    result is written, but physically implausible, with the reason. --stops has a row
-    for every stop that was found, with the reason where it was excluded; it and --report are also
-    written where the command rejects the log. --sheet shows on one page, from the fitted model at
+    result is written, but physically implausible and not to be planned with; the model file
+    begins with the reason. --stops has a row for every stop that was found, with the reason where
+    it was excluded; it and --report are also written where the command rejects the log. --sheet
+    shows on one page, from the fitted model at
     --coverage, stopping distances by speed and grade, the slopes that the brakes hold, and a
     comparison with rules that ignore slopes.
 
@@ -82,7 +83,7 @@ def calibrate(
         raise
     numbers = None
     if out is not None:
-        write_model(result.model, out)
+        write_model(result.model, out, result.calibration.objections)
     if sheet is not None:
         numbers = brake_sheet.write_calibration_sheet(
             sheet, result, log_input, model, out, quantile=coverage
@@ -138,3 +139,5 @@ def _tables(result: CalibrateResult) -> Iterator[Any]:
     yield from notes(c.warnings)
     for objection in c.objections:
         yield line(f"rejected: {objection}", "red")
+    if c.objections:
+        yield line("do not plan with this model: its stops may be far longer than planned", "red")

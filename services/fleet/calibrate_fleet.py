@@ -188,7 +188,7 @@ def calibrate_fleet(
         except ParameterError as error:
             no_file[name] = f"{error.field}: expected {error.expected}"
             continue
-        write_model(fitted, out / f"{name}.toml")
+        write_model(fitted, out / f"{name}.toml", calibration.objections.get(name, ()))
     for name, reason in no_file.items():
         before = calibration.objections.get(name, ())
         calibration.objections[name] = (*before, f"no model file: {reason}")

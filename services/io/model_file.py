@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +29,15 @@ def read_model(path: Path) -> Model:
     return model_from_dict(read_toml(path), str(path))
 
 
-def write_model(model: Model, path: Path) -> None:
-    """Write a model, all or nothing; :func:`read_model` gives the same model again."""
+def write_model(model: Model, path: Path, objections: Sequence[str] = ()) -> None:
+    """Write a model, all or nothing; :func:`read_model` gives the same model again.
+
+    `objections`: reasons not to plan with it, as comments on top.
+    """
     with faults_of(path):
         check_plausible(model_to_dict(model))
-    write_atomic(path, _written(model))
+    comments = [f"# rejected, do not plan with it: {objection}\n" for objection in objections]
+    write_atomic(path, "".join(comments).encode() + _written(model))
 
 
 def model_sha256(model: Model) -> str:

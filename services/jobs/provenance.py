@@ -29,7 +29,8 @@ def calibration_digests(
     prior_file = find_model(prior)
     lines.append(f"old {sha256_of(prior_file)}  {prior_file.name}, the model so far")
     written = out.name if out else "not written"
-    lines.append(f"new {model_sha256(model)}  {written}, the model of this sheet")
+    digest = sha256_of(out) if out else model_sha256(model)
+    lines.append(f"new {digest}  {written}, the model of this sheet")
     if logs.map_file is not None:
         lines.append(f"map {sha256_of(logs.map_file)}  {logs.map_file.name}")
     moment = f"{datetime.now():%Y-%m-%d %H:%M}"

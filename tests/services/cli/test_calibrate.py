@@ -315,6 +315,23 @@ def test_columns_of_other_names_and_units_give_the_same(
         one_line_of(here(*arguments), "column t, column v,", "missing")
 
 
+def test_a_rejected_model_says_so_in_its_file(tmp_path: Path) -> None:
+    log = drive(Plant(), 20, 1)[0]
+    log["pitch"] = -log["pitch"]
+    write_log(log, tmp_path / "log.csv")
+    logs, model = LogInput([tmp_path / "log.csv"]), tmp_path / "m.toml"
+    result = here("calibrate", *logs.files, "-m", "atv", "--out", model)
+    assert result.returncode == 3
+    assert "do not plan with this model" in result.stdout
+    text = model.read_text()
+    assert text.startswith("# rejected, do not plan with it: the grade of the log has the wrong")
+    assert read_model(model).name == "atv"
+    digest = hashlib.sha256(model.read_bytes()).hexdigest()
+    assert any(
+        digest in line for line in calibration_digests(logs, "atv", read_model(model), model)
+    )
+
+
 def test_coverage_is_status_0_if_covered_and_3_if_not(
     clean: job.CalibrateResult, tmp_path: Path
 ) -> None:
