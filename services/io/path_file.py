@@ -20,6 +20,8 @@ from slopewise.services.io.geojson import read_geojson_paths
 from slopewise.services.io.map_grid import Extent, describe_extent
 from slopewise.services.io.table import Table, read_table, write_csv
 
+_DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
+_NO_DEGREES = "degrees are not accepted: project them, x and y are metres in the frame of the map"
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
 
 _FORMATS: dict[str, Callable[[Path], list[CandidatePath]]] = {
@@ -41,7 +43,8 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
 
 def _read_path_table(path: Path) -> list[CandidatePath]:
     table = read_table(path)
-    table.require(("x", "y"))
+    degrees = _DEGREES & {column.strip().lower() for column in table.columns}
+    table.require(("x", "y"), _NO_DEGREES if degrees else "")
     points = np.stack((table.numbers("x", "m"), table.numbers("y", "m")), axis=1)
     optional = {name: _optional(table, name) for name in _OPTIONAL if name in table.columns}
     candidates = table.rows_by_candidate()
