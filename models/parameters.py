@@ -194,8 +194,8 @@ class Terrain(Quantities):
     )
     braking_resistance: float | None = non_negative(
         "1",
-        "The f_r that counts as part of the braking force at a level below 1; "
-        "motion_resistance by default or if higher.",
+        "The f_r that slows the vehicle with its drive cut, and counts as part of the braking "
+        "force at a level below 1; motion_resistance by default or if higher.",
         (0.0, 1.0),
         default=None,
     )
@@ -204,7 +204,7 @@ class Terrain(Quantities):
 
     @property
     def rolling_while_braking(self) -> float:
-        """The f_r of Braking (6) that stays when the brakes are applied in part only [1]."""
+        """The f_r that slows without the drive, alone or, Braking (6), under part brakes [1]."""
         share = self.braking_resistance
         return self.motion_resistance if share is None else min(share, self.motion_resistance)
 

@@ -14,7 +14,9 @@ class PlanningLimits(NamedTuple):
 
     Attributes:
         rear_lever: cg_z / (L − cg_x). front_lever: cg_z / cg_x. side_lever: 2 cg_z / B.
-        resistance: f_r. turning_drag: μ_t L / 2 of a skid-steer vehicle, else 0 [m].
+        resistance: f_r that the drive has to overcome.
+        rolling: f_r that slows the vehicle with its drive cut.
+        turning_drag: μ_t L / 2 of a skid-steer vehicle, else 0 [m].
         half_slip_track: B_s / 2 of a skid-steer vehicle, else B / 2 [m].
         ahead: cg_x / L. high: cg_z / L. brake_share: front axle's, -1 where none locks alone.
         crest_share: share of the load lost over a crest that the braking force loses as well.
@@ -27,6 +29,7 @@ class PlanningLimits(NamedTuple):
     side_lever: float
     min_load: float
     resistance: float
+    rolling: float
     turning_drag: float
     half_slip_track: float
     max_wheel_speed: float
@@ -56,6 +59,7 @@ def planning_limits(model: Model) -> PlanningLimits:
         side_lever=2.0 * vehicle.cg_z / vehicle.track_width,
         min_load=float(limits.min_load),
         resistance=float(terrain.motion_resistance),
+        rolling=float(terrain.rolling_while_braking),
         turning_drag=0.5 * terrain.lateral_resistance * vehicle.wheelbase if skid_steer else 0.0,
         half_slip_track=0.5 * (terrain.slip_track if skid_steer else vehicle.track_width),
         max_wheel_speed=float(vehicle.max_wheel_speed),

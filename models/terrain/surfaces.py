@@ -52,9 +52,11 @@ def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:
         use = math.isfinite(upper) and (valid or upper >= before)
         news[name] = max(upper if use else before, floor)
     terrain = dataclasses.replace(old, **news)
-    if model.braking.level == 1.0 or not measured.is_known:
+    if not measured.is_known:
         return dataclasses.replace(model, terrain=terrain)
-    resistance = max(min(old.rolling_while_braking, measured.value), 0.0)
+    # Below level 1 the scatter of the force includes that of f_r; at level 1 only rolling has it.
+    lower = measured.value - (_UPPER * measured.std if model.braking.level == 1.0 else 0.0)
+    resistance = max(min(old.rolling_while_braking, lower), 0.0)
     terrain = dataclasses.replace(terrain, braking_resistance=resistance)
     braking = _with_scatter(model.braking, _open(old), _open(terrain))
     return dataclasses.replace(model, terrain=terrain, braking=braking)

@@ -12,7 +12,8 @@ namespace slopewise {
   NUMBER(front_lever)     /* cg_z / cg_x [1] */ \
   NUMBER(side_lever)      /* 2 cg_z / B [1] */ \
   NUMBER(min_load)        /* share of its static load that every axle, side and wheel keeps [1] */ \
-  NUMBER(resistance)      /* f_r [1] */ \
+  NUMBER(resistance)      /* f_r that the drive has to overcome [1] */ \
+  NUMBER(rolling)         /* f_r that slows the vehicle with its drive cut [1] */ \
   NUMBER(turning_drag)    /* μ_t L / 2 of a skid-steer vehicle, else 0 [m] */ \
   NUMBER(half_slip_track) /* B_s / 2 of a skid-steer vehicle, else B / 2 [m] */ \
   NUMBER(max_wheel_speed) /* [m/s] */ \

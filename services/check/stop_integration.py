@@ -78,7 +78,7 @@ def coast(field: StopDynamics, state: State, dead_time: Floats, *, cut: bool) ->
 
     Motion resistance is all that holds it then; that it slows on other ground is ignored.
     """
-    resistance = field.model.terrain.motion_resistance
+    resistance = field.model.terrain.rolling_while_braking
     steps = max(int(np.ceil(float(dead_time.max(initial=0.0)) / TIME_STEP)), 1)
     h = dead_time / steps
     for _ in range(steps):
@@ -146,7 +146,7 @@ def worst_case_stops(field: StopDynamics, starts: StopStarts) -> StopEnds:
     """
     held = _driven(field, starts, cut=False)
     steepest = -float(field.table[0].min())
-    runs_on = steepest > field.model.terrain.motion_resistance
+    runs_on = steepest > field.model.terrain.rolling_while_braking
     if field.model.braking.drive_in_dead_time == "held" or not runs_on:
         return held
     return held.worst_of(_driven(field, starts, cut=True))

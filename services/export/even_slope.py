@@ -150,7 +150,7 @@ class EvenSlope:
         """Speed that a slope may add in the dead time with the drive cut [m/s]."""
         if self.table.drive_in_dead_time == "held":
             return 0.0 * grade
-        pull = -np.sin(grade) - self.model.terrain.motion_resistance
+        pull = -np.sin(grade) - self.model.terrain.rolling_while_braking
         return GRAVITY * self.table.dead_time * np.fmax(pull, 0.0)
 
     def _fastest(self, grade: Any) -> Any:

@@ -52,7 +52,8 @@ def stops_along(
     # Share of each sample interval before the brakes take hold.
     covered = v * (held[:, None] + dead) - step * np.arange(sine.shape[-1])
     holds = np.minimum(np.maximum(covered / step, 0.0), 1.0)
-    gain = GRAVITY * np.maximum(-sine - model.promised.terrain.motion_resistance, 0.0) * step
+    rolling = model.promised.terrain.rolling_while_braking
+    gain = GRAVITY * np.maximum(-sine - rolling, 0.0) * step
     onset_sq = v * v + 2.0 * np.sum(holds * gain, axis=-1, keepdims=True)
     onset = np.sqrt(onset_sq)
     weakest, strongest = _force(model, courses, pose, onset)

@@ -20,8 +20,6 @@ from slopewise.services.io.geojson import read_geojson_paths
 from slopewise.services.io.map_grid import Extent, describe_extent
 from slopewise.services.io.table import Table, read_table, write_csv
 
-_DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
-_NO_DEGREES = "degrees are not accepted: project them, x and y are metres in the frame of the map"
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
 
 _FORMATS: dict[str, Callable[[Path], list[CandidatePath]]] = {
@@ -39,6 +37,10 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
     if is_bag(path):
         return read_bag_paths(path, topics, frame)
     return _FORMATS.get(path.suffix.lower(), _read_path_table)(path)
+
+
+_DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
+_NO_DEGREES = "degrees are not accepted: project them, x and y are metres in the frame of the map"
 
 
 def _read_path_table(path: Path) -> list[CandidatePath]:

@@ -227,7 +227,7 @@ class BrakeNumbers:
         brakes = self.model.braking
         gain = 0.0
         if brakes.drive_in_dead_time != "held":
-            pull = -math.sin(grade) - self.model.terrain.motion_resistance
+            pull = -math.sin(grade) - self.model.terrain.rolling_while_braking
             gain = GRAVITY * max(pull, 0.0) * self.dead_time
         return self.survive.width * brakes.speed_error + gain
 

@@ -33,7 +33,7 @@ inline bool find_run_off(const BoundProblem& problem, const double* longest_dead
   const TerrainRows& t = problem.terrain;
   if (!problem.errors.drive_cut) return false;
   const auto downhill = [&](double sine) {
-    return gravity * max_of(-sine - problem.vehicle.resistance, 0.0);
+    return gravity * max_of(-sine - problem.vehicle.rolling, 0.0);
   };
   bool gains = false;
   for (Index j = 0; j < t.candidates; ++j) {

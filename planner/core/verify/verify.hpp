@@ -101,7 +101,7 @@ class Verifier {
     const StopErrors& errors = terms_.errors;
     const double least_sine = -largest(survey_.sine, n_, -1.0);
     const double rolls_on =
-        errors.drive_cut ? -gravity * (least_sine + terms_.limits.resistance) : 0.0;
+        errors.drive_cut ? -gravity * (least_sine + terms_.limits.rolling) : 0.0;
     return std::sqrt(largest(plan_.speed_sq, n_, 1.0)) + errors.speed +
            max_of(rolls_on, 0.0) * largest(plan_.track.dead_time, n_, 1.0);
   }
@@ -115,7 +115,7 @@ class Verifier {
     double gain = 0.0;
     if (errors.drive_cut && dead > 0.0) {
       for (Index m = i;; ++m) {
-        gain = max_of(gain, -gravity * (survey_.sine[m] + terms_.limits.resistance));
+        gain = max_of(gain, -gravity * (survey_.sine[m] + terms_.limits.rolling));
         const double reached = command.station + late + (speed + 0.5 * gain * dead) * dead;
         if (m >= n_ - 1 || (m > i && track.station[m] > reached)) break;
       }
