@@ -152,7 +152,8 @@ def _lengths(paths: Sequence[Path], sizes: SizeLimits) -> list[float | Parameter
     for k, i in enumerate(checked):
         # NaN is never below or above anything.
         if not largest[k] <= _MAX_COORDINATE:
-            lengths[i] = ParameterError("points", "finite coordinates [m]")
+            expected = f"finite coordinates of at most {_MAX_COORDINATE:g} m"
+            lengths[i] = ParameterError("points", expected)
         elif not shortest[k] > 0.0:
             at = int(np.argmin(squares[starts[k] : ends[k] - 1])) + 1
             expected = "a point that differs from the one before: stations have to increase"

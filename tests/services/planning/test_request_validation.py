@@ -75,7 +75,7 @@ def test_a_malformed_path_does_not_affect_its_neighbours() -> None:
     reasons = {c.name: c.reason for c in valid.rejected}
     assert list(reasons) == ["a", "far"]
     assert reasons["a"].startswith("points[7]: expected a point that differs")
-    assert reasons["far"] == "points: expected finite coordinates [m]"
+    assert reasons["far"] == "points: expected finite coordinates of at most 1e+09 m"
 
 
 def test_the_clear_distance_of_a_candidate_precedes_that_of_the_request() -> None:
