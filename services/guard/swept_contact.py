@@ -172,12 +172,8 @@ class SweptBody:
             return None
         k = int(np.argmax(blocked))
         kind, p = divmod(int(np.argmax(hits[:, k])), x.shape[1])
-        return Contact(
-            int(s[k]),
-            (UNKNOWN, OBSTACLE, EDGE)[kind],
-            layers.place(x[k, p], y[k, p]),
-            self._touches,
-        )
+        reason, where = (UNKNOWN, OBSTACLE, EDGE)[kind], layers.place(x[k, p], y[k, p])
+        return Contact(int(s[k]), reason, where, self._touches)
 
     def _near_tiles(self, block: slice) -> tuple[Ints, Ints, Ints]:
         """Samples of a block, courses and tiles, the first samples first.
