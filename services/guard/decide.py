@@ -58,6 +58,8 @@ class GuardDecision(NamedTuple):
     where: tuple[float, float] | None = None  # place on the map that limits it, if one does [m]
 
 
+_MIN_SPEED = 0.3  # from which a yaw rate shows the curvature of wheels, above its noise [m/s]
+
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
 
 
@@ -90,8 +92,9 @@ def decide(
     fastest = max(motion.speed, reached, key=abs)
     if abs(fastest) > MAX_SPEED:
         return stop(f"odometry has a speed of {fastest:.3g} m/s, which no vehicle has")
-    turning = max(abs(rate) for rate in (motion.yaw_rate, *(c.yaw_rate for c in before[:1])))
-    share, yaw_share, reason = arc_limits(scene.model, command, abs(fastest), turning)
+    # As it turns now, its wheels may stay steered for longer than the commands before last.
+    turns = BaseCommand(max(abs(motion.speed), _MIN_SPEED), motion.yaw_rate), *before
+    share, yaw_share, reason = arc_limits(scene.model, command, abs(fastest), turns)
     command = BaseCommand(share * command.speed, yaw_share * command.yaw_rate)
     requested, moving = abs(command.speed), abs(fastest)
     is_still = moving < STANDSTILL
@@ -100,7 +103,8 @@ def decide(
     forward = command.speed >= 0.0 if is_still else fastest >= 0.0
     # Driving the other way is decided once the vehicle stands.
     reverses = min(moving, requested) >= STANDSTILL and (command.speed >= 0.0) != forward
-    courses = _courses(scene.model, moving, command, before, forward=forward, reverses=reverses)
+    followed = turns if scene.model.vehicle.drive == "ackermann" else before
+    courses = _courses(scene.model, moving, command, followed, forward=forward, reverses=reverses)
     late += scene.model.errors.latency
     held = hold_time + late
     verdict = SpeedVerdict(math.inf, False, "", None)

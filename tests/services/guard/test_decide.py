@@ -180,6 +180,20 @@ def test_a_base_that_still_turns_drives_no_faster_than_its_turn_allows() -> None
     assert decided(0.5, 3.0).action == "pass"
 
 
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_steered_wheels_of_a_tight_turn_limit_the_speed_that_a_base_gains(
+    is_measured: bool,
+) -> None:
+    """Wheels keep the curvature of an earlier command, or as measured, until they straighten."""
+    model = read_guard_model(find_model("ugv"))
+    scene = GuardScene(model, FLAT, 1e9)
+    turning = motion(1.0)._replace(yaw_rate=1.0 if is_measured else 0.0)
+    before = () if is_measured else (BaseCommand(1.0, 0.0), BaseCommand(1.0, 1.0))
+    values = {"hold_time": 0.1, "late": 0.02, "load": 0.5, "before": before}
+    result = decide(scene, turning, BaseCommand(4.0, 0.0), **values)
+    assert (result.action, result.command.speed**2) == ("slow", pytest.approx(model.lateral))
+
+
 def test_reverse_driving_is_decided_by_the_ground_behind() -> None:
     ground = ground_with(np.nan, last=72)  # up to x = -2 m
     assert decided(0.0, -3.0, ground=ground).action == "slow"
