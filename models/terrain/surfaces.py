@@ -13,7 +13,8 @@ whether the brakes hold as well on it only stops can show. Source: Braking (6).
 Where the brakes are applied in part only, the motion resistance is a part of the braking force, and
 more of it would be stronger brakes. There the upper end for the drive does not count: braking uses
 the f_r that it had, or the lower one that was measured, and the difference between that and the
-drive's is scatter of the force.
+drive's is scatter of the force. A vehicle that rolls on downhill while its brakes build up counts
+on the lower end with full brakes, and on that estimate where they are applied in part.
 """
 
 from __future__ import annotations

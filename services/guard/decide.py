@@ -58,7 +58,7 @@ class GuardDecision(NamedTuple):
     where: tuple[float, float] | None = None  # place on the map that limits it, if one does [m]
 
 
-_MIN_SPEED = 0.3  # from which a yaw rate shows the curvature of wheels, above its noise [m/s]
+_MIN_CURVATURE_SPEED = 0.3  # from which a yaw rate shows how wheels are steered [m/s]
 
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
 
@@ -86,14 +86,14 @@ def decide(
     in every stop [1]; ``reached``: speed to which the vehicle may have accelerated since the motion
     [m/s]; ``before``: commands that the vehicle may still follow.
     """
-    given = (*motion.pose, motion.speed, *command, *(n for of in before for n in of), reached)
-    if not all(map(math.isfinite, given)):
+    given = [*motion.pose, motion.speed, motion.yaw_rate, reached]
+    if not all(map(math.isfinite, [*given, *command, *(n for of in before for n in of)])):
         return stop("command or odometry contains a value that is not finite")
     fastest = max(motion.speed, reached, key=abs)
     if abs(fastest) > MAX_SPEED:
         return stop(f"odometry has a speed of {fastest:.3g} m/s, which no vehicle has")
-    # As it turns now, its wheels may stay steered for longer than the commands before last.
-    turns = BaseCommand(max(abs(motion.speed), _MIN_SPEED), motion.yaw_rate), *before
+    # As it turns now, its wheels may stay steered after the commands before have expired.
+    turns = BaseCommand(max(abs(motion.speed), _MIN_CURVATURE_SPEED), motion.yaw_rate), *before
     share, yaw_share, reason = arc_limits(scene.model, command, abs(fastest), turns)
     command = BaseCommand(share * command.speed, yaw_share * command.yaw_rate)
     requested, moving = abs(command.speed), abs(fastest)

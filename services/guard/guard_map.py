@@ -180,7 +180,7 @@ class ObstacleLayers:
 
 
 def _places(layer: Floats, x: Floats, y: Floats) -> Ints:
-    """Places of points in a framed layer, row by row; off the map those of its frame."""
+    """Places of finite points in a framed layer, row by row; off the map those of its frame."""
     rows, columns = layer.shape
     # Clipped as numbers of the points' precision: half the time of clipping indices.
     row, column = np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)

@@ -96,6 +96,11 @@ class TerrainGroup(ValueGroup):
 
     def apply(self, model: Model) -> Model:
         terrain = dataclasses.replace(model.terrain, **self._current())
+        if (upper := self._values.get("motion_resistance")) is not None:
+            # Rolling on with the drive cut counts on the lowest resistance that is known.
+            lower = upper - 2.0 * _UPPER * self._stds.get("motion_resistance", 0.0)
+            rolling = max(min(model.terrain.rolling_while_braking, lower), 0.0)
+            terrain = dataclasses.replace(terrain, braking_resistance=rolling)
         return dataclasses.replace(model, terrain=terrain)
 
     def describe(self, group: str) -> GroupDescription:

@@ -57,7 +57,7 @@ class Candidate:
         """Columns."""
         return list(range(self.first, self.first + self.count))
 
-    def joins(self, candidate: Candidate) -> bool:
+    def can_join(self, candidate: Candidate) -> bool:
         """Whether both may be in a set: a shape along an axis can be any effect along it."""
         axes = [LAWS[c.name].axis if c.named else c.name for c in (self, candidate)]
         return self.name != candidate.name and (self.named == candidate.named or axes[0] != axes[1])

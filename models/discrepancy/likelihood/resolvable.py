@@ -126,8 +126,8 @@ class _Normal:
         """(Q,) share of each candidate's column that new coefficients absorb, and its sizes [m].
 
         A size is the change of stops, beyond what new coefficients can do, from which five logs
-        of six would show it, in the stops that it changes most: next to all that is always there,
-        as a small version of it, and next to noise alone.
+        of six would show it, in the stops that it changes most: given the small versions of effects
+        that are always present, and given noise alone.
         """
         inner = self.inner[np.ix_(self.base, self.base)]
         cross, alone = self.cross[:-1, self.base].T, self.squares[:-1]

@@ -75,7 +75,7 @@ def _grown(
     price = np.log(prior.FURTHER) if depth else 0.0
     grown = []
     for group in book.groups:
-        if all(book.candidates[group.start].joins(c) for c in start.chosen):
+        if all(book.candidates[group.start].can_join(c) for c in start.chosen):
             i = group.start + int(np.argmax(log_weight[group]))
             log_prior = start.log_prior + price + float(logsumexp(log_weight[group]) - tempered[i])
             evidence = float(each[0][i]), float(each[1][i])

@@ -127,7 +127,7 @@ inline void bound_stops_by_trial(const StopLane& lane, Index last_risk,
     if (bound <= 0.0) continue;
     const auto from = static_cast<std::size_t>(k);
     const double speed = std::sqrt(bound);
-    if (!everywhere && detail::cannot_unload(from, speed, path, conditions)) continue;
+    if (!everywhere && detail::is_loaded_throughout(from, speed, path, conditions)) continue;
     const auto found = detail::highest_stop(from, speed, path, conditions);
     if (found.why == Ending::stopped) continue;
     bound = found.speed * found.speed;

@@ -169,7 +169,7 @@ inline Held hold_speed(std::size_t k, double onset, double energy, StopPath path
 }
 
 // Are loads enough at a station on any stop from up to a speed, braking or not?
-inline bool stays_loaded(const StopStation& at, double speed, const Vehicle& v) noexcept {
+inline bool is_loaded(const StopStation& at, double speed, const Vehicle& v) noexcept {
   const double energy = speed * speed, up = at.upright - at.falls * energy;
   const double braking = speed * at.upper_slope + at.upper_intercept;
   const double held = min_of(v.rear_lever * at.sin_grade, -v.front_lever * at.sin_grade);
@@ -179,22 +179,24 @@ inline bool stays_loaded(const StopStation& at, double speed, const Vehicle& v) 
   return min_of(min_of(axle, side), axle + side - up) >= v.min_load + load_guard;
 }
 
-// Does a stop from station k end, or pass `watched`, before its speed there could unload anything on
-// its way? Of stops that the brakes alone decide.
-inline bool cannot_unload(std::size_t k, double speed, StopPath path,
+// Are loads enough all the way of a stop from station k, up to its end or `watched`, even if it kept
+// its speed? Of stops that the brakes alone decide.
+inline bool is_loaded_throughout(std::size_t k, double speed, StopPath path,
                           const StopConditions& conditions) noexcept {
   const double v_i = max_of(speed, path[k].slowest);
-  const auto slowing = [v_i](const StopStation& at) {
-    return gravity * (v_i * at.lower_slope + at.lower_intercept + at.sin_grade);
+  const auto force = [v_i](const StopStation& at) {
+    return v_i * at.lower_slope + at.lower_intercept;
   };
   double energy = speed * speed, onset = path[k].station + speed * path[k].dead_time;
-  for (std::size_t i = k; stays_loaded(path[i], v_i, conditions.vehicle); ++i) {
+  for (std::size_t i = k; is_loaded(path[i], v_i, conditions.vehicle); ++i) {
     if (energy <= 0.0 || path[i].station > conditions.watched || i + 1 == path.size()) return true;
-    // Between stations the force is linear and the sine no less than at the lower end.
-    const double least = min_of(slowing(path[i]), slowing(path[i + 1]));
+    // Between stations neither force nor sine is below the lower end.
+    const StopStation &here = path[i], &ahead = path[i + 1];
+    const double least =
+        min_of(force(here), force(ahead)) + min_of(here.sin_grade, ahead.sin_grade);
     if (least <= 0.0) return false;
-    const double braked = path[i + 1].station - max_of(path[i].station, onset);
-    energy -= 2.0 * least * max_of(braked, 0.0);
+    const double braked = ahead.station - max_of(here.station, onset);
+    energy -= 2.0 * gravity * least * max_of(braked, 0.0);
   }
   return false;
 }

@@ -4,7 +4,7 @@
 // with sums of sines, the verifier follows every emergency stop to its end, on the laws of `models`.
 #pragma once
 
-#include "verify/carefree_speeds.hpp"
+#include "verify/safe_stop_speeds.hpp"
 #include "verify/verify_terms.hpp"
 
 namespace slopewise::verify {
@@ -35,7 +35,7 @@ class Verifier {
                          : survey_of(plan.even, terms.body, memory + survey_columns * n_)),
         on_{plan.track, survey_}, even_on_{plan.even, even_survey_},
         excess_(memory + 2 * survey_columns * n_), steering_speed_(excess_ + n_),
-        carefree_(on_, terms.limits, fastest_stop(), steering_speed_ + n_) {
+        safe_(on_, terms.limits, fastest_stop(), steering_speed_ + n_) {
     follow_steering(plan.track, terms.steering, excess_, steering_speed_);
     const double end = plan.clear_distance - plan.distance_offset - terms.errors.along_track;
     target_ = target_at(on_, end);
@@ -102,8 +102,9 @@ class Verifier {
     const double least_sine = -largest(survey_.sine, n_, -1.0);
     const double rolls_on =
         errors.drive_cut ? -gravity * (least_sine + terms_.limits.rolling) : 0.0;
-    return std::sqrt(largest(plan_.speed_sq, n_, 1.0)) + errors.speed +
-           max_of(rolls_on, 0.0) * largest(plan_.track.dead_time, n_, 1.0);
+    const double onset = std::sqrt(largest(plan_.speed_sq, n_, 1.0)) + errors.speed +
+                         max_of(rolls_on, 0.0) * largest(plan_.track.dead_time, n_, 1.0);
+    return std::sqrt(onset * onset + 2.0 * gravity * errors.height);
   }
 
   // The stop of a vehicle that is faster than planned, late, and rolls on in its dead time.
@@ -132,17 +133,18 @@ class Verifier {
                 Shares& least) const noexcept {
     const Surveyed& on = told ? even_on_ : on_;
     const double height = told ? 0.0 : terms_.errors.height;
-    if (!terms_.in_time && !told && i >= carefree_.from() &&
+    if (!terms_.in_time && !told && i >= safe_.first_safe_segment() &&
         ends_before(on, command, target_, height, stop.onset_in)) {
       return min_of(command.station, target_.station);
     }
-    const double fastest = command.force_speed();
-    if (!terms_.in_time && (told || carefree_.sticks(i, fastest, command.station))) {
+    const double v_i = command.force_speed();
+    const double fastest = std::sqrt(v_i * v_i + 2.0 * gravity * height);
+    if (!terms_.in_time && (told || safe_.has_grip(i, fastest, command.station))) {
       StopEnd found = stop;
       stop_by_energy(on, command, height, found);
-      if (told || carefree_.sticks(i, fastest, found.station)) {
+      if (told || safe_.has_grip(i, fastest, found.station)) {
         stop = found;
-        if (told || !carefree_.stays_loaded(i, fastest, found.station)) {
+        if (told || !safe_.is_loaded(i, fastest, found.station)) {
           least = loads_by_energy(on, command, i, found);
         }
         return found.station;
@@ -286,7 +288,7 @@ class Verifier {
   Survey survey_, even_survey_;
   Surveyed on_, even_on_;
   double *excess_, *steering_speed_;  // (N,)
-  CarefreeSpeeds carefree_;
+  SafeStopSpeeds safe_;
   Target target_{};       // where stops have to end
   double limit_ = 0.0;    // stops that get here are not followed further [m]
   StopEnd stop_{};        // the last one: the next begins where it did, or later

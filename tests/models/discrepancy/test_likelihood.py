@@ -91,12 +91,12 @@ def test_a_shape_along_an_axis_joins_no_effect_along_it() -> None:
     viscous, drag, speed, roll = (
         Candidate(name, named, 0, 1, STD[:1]) for name, named in names.items()
     )
-    assert not viscous.joins(viscous)
-    assert not viscous.joins(speed)
-    assert not speed.joins(drag)
-    assert viscous.joins(drag)
-    assert viscous.joins(roll)
-    assert speed.joins(roll)
+    assert not viscous.can_join(viscous)
+    assert not viscous.can_join(speed)
+    assert not speed.can_join(drag)
+    assert viscous.can_join(drag)
+    assert viscous.can_join(roll)
+    assert speed.can_join(roll)
 
 
 def test_derivatives_by_the_noise_are_those_of_the_evidence() -> None:

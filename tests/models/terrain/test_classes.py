@@ -233,10 +233,9 @@ def test_what_is_open_counts_once() -> None:
     assert more.braking.force_std == pytest.approx(0.0658)
 
 
-def test_full_brakes_know_nothing_of_it() -> None:
+def test_full_brakes_count_on_it_for_rolling_alone() -> None:
     known = model_on(BASE, features(0.05, 0.02))
     assert known.braking == BASE.braking
-    # Only the vehicle whose drive is cut in the dead time rolls by the lower end.
     assert known.terrain.braking_resistance == pytest.approx(0.05 - 0.0329)
     assert model_on(known, features(0.05, 0.02)) == known
 

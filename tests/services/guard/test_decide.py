@@ -204,6 +204,9 @@ def test_reverse_driving_is_decided_by_the_ground_behind() -> None:
 
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
 def test_values_that_are_not_finite_are_a_stop(wrong: float) -> None:
+    turning, limits = motion(1.0)._replace(yaw_rate=wrong), {"hold_time": 0.1, "late": 0.02}
+    scene, forward = GuardScene(MODEL, FLAT, 1e9), BaseCommand(1.0, 0.0)
+    assert decide(scene, turning, forward, load=0.5, **limits).action == "stop"
     for values in ((wrong, 1.0), (1.0, wrong), (1.0, 1.0, wrong)):
         assert decided(*values).action == "stop"
     for before in ((wrong, 0.0), (1.0, wrong)):

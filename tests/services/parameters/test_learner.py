@@ -223,6 +223,15 @@ def terrain_of(group: TerrainGroup) -> tuple[float, ...]:
     return (terrain.motion_resistance, terrain.lateral_resistance, terrain.slip_track)
 
 
+def test_a_vaguer_resistance_lets_the_vehicle_roll_on_faster() -> None:
+    unknown, rolling = (float("nan"), float("nan")), []
+    for std in (0.0, 0.02, 0.1):
+        group = TerrainGroup(HUSKY, Learning())
+        group.learn(((0.13, std), unknown, unknown))
+        rolling.append(group.apply(HUSKY).terrain.rolling_while_braking)
+    assert rolling == pytest.approx([0.13, 0.13 - 1.645 * 0.02, 0.0])
+
+
 @given(values=st.lists(st.tuples(*[st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 0.5))] * 3)))
 def test_no_terrain_estimate_makes_a_plan_faster_than_the_file(values: Any) -> None:
     prior = HUSKY.terrain
