@@ -12,7 +12,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.planner.horizon.answer import PlanarState
-from slopewise.services.io.bag_paths import other_frame, points_of
+from slopewise.services.io.bag_paths import points_of, stated_frames
 from slopewise.services.io.bags import GRID_MAP, ODOMETRY, PATH, Bag, attitude, opened, read_cdr
 from slopewise.services.io.files import fault
 from slopewise.services.io.grid_map import elevation_map_of
@@ -108,7 +108,7 @@ class _Frames:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._before: dict[str, str] = {}  # topic -> frame of messages before the first map
+        self._before: dict[tuple[str, str], None] = {}  # topics and frames before the first map
         self.map = ""
 
     def check_map(self, topic: str, frame: str) -> None:
@@ -117,13 +117,13 @@ class _Frames:
             self.check(topic, frame)
         self.map = self.map or frame
         before, self._before = self._before, {}
-        for earlier, given in before.items():
+        for earlier, given in before:
             self.check(earlier, given)
 
     def check(self, topic: str, given: str) -> None:
         """InputError for another frame than the map's, as soon as that is known."""
         if not self.map:
-            self._before[topic] = given
+            self._before[topic, given] = None
         elif given.lstrip("/") != self.map.lstrip("/"):
             expected = (
                 f"expected frame {self.map} as the map has it, got {given}: transforms of "
@@ -133,7 +133,7 @@ class _Frames:
 
 
 def _path(topic: str, message: Any, frames: _Frames) -> CandidatePath | UnusableMessage:
-    if given := other_frame(message, frames.map):
+    for given in stated_frames(message):
         frames.check(topic, given)
     try:
         return CandidatePath(topic, points_of(message))

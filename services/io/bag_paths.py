@@ -51,8 +51,14 @@ def _candidate(path: Path, name: str, message: Any, frame: str) -> CandidatePath
 
 def other_frame(message: Any, frame: str) -> str:
     """A frame of a nav_msgs/Path, or of a pose in it, that is not the given one; empty if none."""
+    different = (n for n in stated_frames(message) if n.lstrip("/") != frame.lstrip("/"))
+    return next(different, "")
+
+
+def stated_frames(message: Any) -> list[str]:
+    """Frames of a nav_msgs/Path and of the poses in it, each once, without empty ones."""
     frames = dict.fromkeys([message.header.frame_id, *(p.header.frame_id for p in message.poses)])
-    return next((name for name in frames if name and name.lstrip("/") != frame.lstrip("/")), "")
+    return [name for name in frames if name]
 
 
 def points_of(message: Any) -> Floats:

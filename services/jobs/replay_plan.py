@@ -36,7 +36,9 @@ _SPEED_TOLERANCE = 0.1
 tracking removes smaller errors (`speed_error` of the horizon)."""
 
 _MAX_SILENCE = 1.0
-"""Time without odometry after which cycles are only counted [s]: long before, the guard stops."""
+"""Time without odometry after which cycles are only counted [s]: long before, the guard stops.
+
+A replay does not wait longer than that: a step of the recorder's clock may be of decades."""
 
 UNUSABLE = "unusable: "
 """How messages that are not usable are counted: with topic and reason."""
@@ -165,15 +167,17 @@ class _Replay:
         while self._odometry is not None and self._due + period < until:
             arrived, pose = self._odometry
             silence, at = self._due - arrived, self._due
+            if silence > _MAX_SILENCE:
+                cycles = max(math.ceil((until - at) / period) - 1, 1)
+                self._result.missing[f"no odometry for {_MAX_SILENCE:g} s"] += cycles
+                self._due += cycles * period
+                return
             self._due += period
-            if silence <= _MAX_SILENCE:
-                self._cycle_or_missing(at, replace(pose, age=pose.age + silence))
-            else:
-                self._result.missing[f"no odometry for {_MAX_SILENCE:g} s"] += 1
+            self._cycle_or_missing(at, replace(pose, age=pose.age + silence))
 
     def _cycle_or_missing(self, at: float, pose: RecordedPose) -> None:
         """The cycle of a time [s] since the first message, at that time; or what it lacks."""
-        time.sleep(max(self._begin + at / self._speed_up - time.monotonic(), 0.0))
+        self._wait(at)
         result = self._result
         if missing := self.missing():
             result.missing[missing] += 1
@@ -182,6 +186,13 @@ class _Replay:
             self.warm_up(pose)
             self._begin = time.monotonic() - at / self._speed_up
         result.cycles.append(self.cycle(at, pose))
+
+    def _wait(self, at: float) -> None:
+        """Wait for a time of the recording [s], of a silence as long as cycles continue in it."""
+        wait = self._begin + at / self._speed_up - time.monotonic()
+        skipped = max(wait - _MAX_SILENCE / self._speed_up, 0.0)
+        self._begin -= skipped
+        time.sleep(max(wait - skipped, 0.0))
 
     def missing(self) -> str:
         """Reason why nothing can be planned, empty if it can."""

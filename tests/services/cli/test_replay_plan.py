@@ -116,6 +116,24 @@ def test_cycles_continue_where_odometry_is_missing(tmp_path: Path) -> None:
     assert summary["cycles"] == 80 - 19
 
 
+def test_a_step_of_the_recorders_clock_is_not_waited_for(tmp_path: Path) -> None:
+    step = 1.7e9  # [s], of a robot that gets the time late
+    stepped = (
+        (
+            t + step * later,
+            topic,
+            kind,
+            odometry(SPEED, SPEED * t, 100.0 + t + step) if later and topic == "/odom" else message,
+        )
+        for t, topic, kind, message in drive()
+        for later in [t > 3.02]
+    )
+    summary = replayed(recorded(tmp_path / "drive", stepped), "--speed-up", "4")
+    silent = summary["missing"]["no odometry for 1 s"]
+    assert silent == pytest.approx(10.0 * step - 10.0, abs=3.0)
+    assert summary["cycles"] == pytest.approx(80 + 10, abs=1)
+
+
 def test_stamps_of_another_clock_are_reported(tmp_path: Path) -> None:
     known = "odometry"
     unknown = "odometry with stamps of another clock: its age is unknown"
@@ -182,13 +200,15 @@ def test_what_cannot_be_replayed_is_one_line(tmp_path: Path) -> None:
     bag = recorded(tmp_path / "drive", drive(frame="base"))
     done = here("replay", bag, "--plan", "--model", "atv", "--speed-up", "inf")
     one_line_of(done, "header.frame_id: expected frame odom as the map has it, got base")
-    early = (m for m in drive() if m[1] != "/plan")
-    path = grid_maps.path(np.array([[0.0, 0.0], [9.0, 0.0]]), "map")
-    bag = recorded(tmp_path / "early", iter([(0.0, "/plan", PATH, path), *early]))
-    done = here("replay", bag, "--plan", "--model", "atv", "--speed-up", "inf")
-    one_line_of(
-        done, "topic /plan, header.frame_id: expected frame odom as the map has it, got map"
-    )
+    line = np.array([[0.0, 0.0], [9.0, 0.0]])
+    early = {"one": [("map",)], "two": [("map",), ("odom",)], "of a pose": [("odom", "map")]}
+    for name, frames in early.items():
+        paths = [(0.0, "/plan", PATH, grid_maps.path(line, *of)) for of in frames]
+        bag = recorded(tmp_path / name, iter([*paths, *(m for m in drive() if m[1] != "/plan")]))
+        done = here("replay", bag, "--plan", "--model", "atv", "--speed-up", "inf")
+        one_line_of(
+            done, "topic /plan, header.frame_id: expected frame odom as the map has it, got map"
+        )
     only_maps = recorded(tmp_path / "maps", (m for m in drive() if m[1] == "/elevation"))
     done = here("replay", only_maps, "--plan", "--model", "atv")
     one_line_of(done, "expected a topic of nav_msgs/msg/Odometry, got /elevation")
