@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, provenance_of, schema_of
 from slopewise.services.cli.options import option, output
-from slopewise.services.cli.tables import line, notes, table
+from slopewise.services.cli.tables import line, notes, rejections, table
 from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
@@ -137,7 +137,5 @@ def _tables(result: CalibrateResult) -> Iterator[Any]:
     for surface in c.surfaces:
         yield f"{surface.name + ': ' if surface.name else ''}{surface.promise.sentence()}"
     yield from notes(c.warnings)
-    for objection in c.objections:
-        yield line(f"rejected: {objection}", "red")
     if c.objections:
-        yield line("do not plan with this model: its stops may be far longer than planned", "red")
+        yield from rejections(c.objections)

@@ -12,7 +12,7 @@ import typer
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
 from slopewise.services.cli.options import argument, option
-from slopewise.services.cli.tables import LISTED, line, notes, table
+from slopewise.services.cli.tables import LISTED, line, notes, rejections, table
 from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
@@ -169,9 +169,8 @@ def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
     yield from notes(f"{v.name} gets the fleet's mean: {v.note}" for v in result.vehicles if v.note)
     yield from notes(f"{name}: {text}" for name, texts in c.notes.items() for text in texts)
     for name, reasons in c.objections.items():
-        for reason in reasons:
-            yield line(f"{name} rejected: {reason}", "red")
-    yield line(f"wrote {plural(result.written, 'model file')} to {out}")
+        yield from rejections(reasons, name, written=name in result.written)
+    yield line(f"wrote {plural(len(result.written), 'model file')} to {out}")
 
 
 def fleet_discrepancy(

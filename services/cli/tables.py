@@ -58,6 +58,15 @@ def notes(texts: Iterable[str], label: str = "note") -> Iterator[Text]:
     return (line(f"{label}: {text}", "yellow") for text in texts)
 
 
+def rejections(reasons: Iterable[str], name: str = "", *, written: bool = True) -> Iterator[Text]:
+    """Red lines of a calibration's objections; of a vehicle's name, with or without model file."""
+    for reason in reasons:
+        yield line(f"{name} rejected: {reason}".lstrip(), "red")
+    if written:
+        warning = "do not plan with this model: real stops may be far longer than planned"
+        yield line(f"{name}: {warning}" if name else warning, "red")
+
+
 def number(value: float | None, form: str) -> str | None:
     """A number in a format such as ".3f"; None for none."""
     return None if value is None else format(value, form)

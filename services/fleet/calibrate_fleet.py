@@ -97,12 +97,12 @@ class FleetCalibrationSummary(Summary, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class FleetCalibrateResult:
-    """The calibration, the prior, the stops of each vehicle, and how many got a model file."""
+    """The calibration, the prior, the stops of each vehicle, and which got a model file."""
 
     calibration: FleetCalibration
     model: Model
     vehicles: list[VehicleStops]
-    written: int
+    written: list[str]
     seconds: float
 
     @property
@@ -192,5 +192,5 @@ def calibrate_fleet(
     for name, reason in no_file.items():
         before = calibration.objections.get(name, ())
         calibration.objections[name] = (*before, f"no model file: {reason}")
-    written = len(ordered) - len(no_file)
+    written = [v.name for v in ordered if v.name not in no_file]
     return FleetCalibrateResult(calibration, model, vehicles, written, time.perf_counter() - begin)

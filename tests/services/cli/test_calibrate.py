@@ -322,7 +322,8 @@ def test_a_rejected_model_says_so_in_its_file(tmp_path: Path) -> None:
     logs, model = LogInput([tmp_path / "log.csv"]), tmp_path / "m.toml"
     result = here("calibrate", *logs.files, "-m", "atv", "--out", model)
     assert result.returncode == 3
-    assert "do not plan with this model" in result.stdout
+    warning = "do not plan with this model: real stops may be far longer than planned"
+    assert warning in result.stdout
     text = model.read_text()
     assert text.startswith("# rejected, do not plan with it: the grade of the log has the wrong")
     assert read_model(model).name == "atv"
@@ -330,6 +331,16 @@ def test_a_rejected_model_says_so_in_its_file(tmp_path: Path) -> None:
     assert any(
         digest in line for line in calibration_digests(logs, "atv", read_model(model), model)
     )
+    for seed, name in enumerate(("a", "b")):
+        write_log(drive(Plant(), 20, seed)[0], tmp_path / f"{name}.csv")
+    (tmp_path / "cut.csv").write_text(logs.files[0].read_text()[:5000].rpartition(",")[0])
+    files = [tmp_path / f"{name}.csv" for name in ("a", "b", "log", "cut")]
+    result = here("fleet", "calibrate", *files, "-m", "atv", "--out", tmp_path, "--workers", 0)
+    assert result.returncode == 3
+    shown = " ".join(result.stdout.split())
+    assert f"log: {warning}" in shown
+    assert "cut rejected: no model file" in shown
+    assert shown.count(warning) == 1  # of those that have a file
 
 
 def test_coverage_is_status_0_if_covered_and_3_if_not(

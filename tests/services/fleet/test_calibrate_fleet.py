@@ -55,7 +55,7 @@ def test_unusable_logs_and_impossible_fits_are_their_vehicles_alone(
     write_csv({n: c.tolist() if n in ("run", "terrain") else c for n, c in columns.items()}, weak)
     result = run([*logs, cut, weak], out)
     assert sorted(file.stem for file in out.iterdir()) == ["robot-0", "robot-1", "robot-2"]
-    assert result.written == 3
+    assert result.written == ["robot-0", "robot-1", "robot-2"]
     vehicles = json.loads(to_json(result.summary))["vehicles"]
     assert vehicles["cut"]["objections"][-1].startswith(f"no model file: {cut}: row ")
     assert "no model file: braking.b_b: expected" in vehicles["weak"]["objections"][-1]
