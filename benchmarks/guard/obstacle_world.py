@@ -151,7 +151,8 @@ def _heights(relief: Relief, cell: float, *discs: np.ndarray) -> np.ndarray:
     """Cells of the map: a disc raises or lowers every cell whose square it touches [m]."""
     at = cell * np.arange(round(EDGE / cell) + 1)
     z = relief.at(*np.meshgrid(at, at))
-    for east, north, size, kind in zip(*discs, strict=True):
+    # A tree in a hole or on unknown ground is seen.
+    for east, north, size, kind in sorted(zip(*discs, strict=True), key=lambda d: d[3] == "tree"):
         dx = np.maximum(np.abs(at - east) - 0.5 * cell, 0.0)
         dy = np.maximum(np.abs(at - north) - 0.5 * cell, 0.0)[:, None]
         touched = np.hypot(dx, dy) <= size
