@@ -193,6 +193,9 @@ class Guard:
 
     def _decide(self, now: float, command: BaseCommand | None, fault: str) -> GuardDecision:
         motion, ground = self.motions.fresh(now), self.maps.fresh(now + self.held_up)
+        since = self.motions.newest.bound(now)
+        # Before any stop: a pose may freeze while the base brakes.
+        age = since if motion is None else self._pose_age.update(motion, since, now)
         reasons = self.motions.missing(now), self.maps.missing(now + self.held_up)
         missing = [reason for reason in (*reasons, self.commands.missing(now)) if reason]
         missing += [self.learned.waits] if self.learned.waits else []
@@ -205,8 +208,6 @@ class Guard:
                 return stop(self._latched)
             self._latched = ""
         timing = self.settings.timing
-        since = self.motions.newest.bound(now)
-        age = self._pose_age.update(motion, since, now)
         if (unchanged := age - since) > timing.motion:
             return stop(f"the base moves, and its pose has not changed for {unchanged:.2f} s")
         late = age + timing.transport

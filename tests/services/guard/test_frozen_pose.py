@@ -52,3 +52,16 @@ def test_emergency_stop_of_a_base_that_turns_lasts_until_rest() -> None:
     assert it.decision(1.01).reason == "no command"
     assert decided(it, 1.05, 0.01, 0.0, 0.5).reason == "no command"
     assert decided(it, 1.1, 0.02, 0.0).action == "pass"
+
+
+def test_pose_that_freezes_during_a_stop_is_not_where_the_base_rests() -> None:
+    it = guard()
+    assert decided(it, 1.0, 0.0, 0.0, 0.5).action == "pass"
+    it.commands.drop()
+    it.decision(1.01)
+    reasons = [decided(it, 1.05 + 0.05 * k, 0.01, 0.0, 0.5).reason for k in range(4)]
+    assert reasons == ["no command"] * 4
+    for k in range(10):
+        at_rest = decided(it, 1.25 + 0.05 * k, 0.01, 0.0)
+    assert at_rest.reason.startswith("the base moves, and its pose has not changed")
+    assert decided(it, 1.8, 0.02, 0.0).action == "pass"
