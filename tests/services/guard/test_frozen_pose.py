@@ -54,7 +54,7 @@ def test_emergency_stop_of_a_base_that_turns_lasts_until_rest() -> None:
     assert decided(it, 1.1, 0.02, 0.0).action == "pass"
 
 
-def test_pose_that_freezes_during_a_stop_is_not_where_the_base_rests() -> None:
+def test_pose_that_freezes_during_a_stop_is_old_at_rest() -> None:
     it = guard()
     assert decided(it, 1.0, 0.0, 0.0, 0.5).action == "pass"
     it.commands.drop()
