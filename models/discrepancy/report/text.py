@@ -59,16 +59,17 @@ def answers(f: Findings) -> dict[str, str]:
     nothing = "nothing that this log could show"
     if f.verdict in (Verdict.UNKNOWN, Verdict.TOO_NOISY, Verdict.UNIDENTIFIABLE):
         nothing = "nothing that could be named"
-    confidences = ", ".join(confidence_text(e.confidence) for e in f.effects)
+    parts = [", ".join(confidence_text(e.confidence) for e in f.effects)] if f.effects else []
     named = {e.name for e in f.effects}
     alternatives = [e for e in f.explanations if e.axes or {*e.names} != named]
     if alternatives:
-        confidences += f"; or it is {', '.join(map(_weighed, alternatives))}"
+        begin = "or it is" if f.effects else "it is"
+        parts.append(f"{begin} {', '.join(map(_weighed, alternatives))}")
     replies = {"what is missing": missing or nothing}
     if f.verdict not in (Verdict.UNKNOWN, Verdict.TOO_NOISY):
         replies["what it costs"] = cost_text(f.cost)
-    if confidences:
-        replies["how sure"] = confidences
+    if parts:
+        replies["how sure"] = "; ".join(parts)
     replies["what to do next"] = f.next_experiment.text or "nothing: this log leaves no question"
     replies["changed in the model file"] = "; ".join(f.changes) or "nothing"
     return replies

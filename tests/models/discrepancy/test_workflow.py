@@ -151,6 +151,7 @@ def test_the_axis_is_located(name: str) -> None:
 def test_a_cause_outside_the_library_is_unknown_and_its_column_reported() -> None:
     f = findings_of("ambient")
     assert f.verdict is Verdict.UNKNOWN
+    assert not any(reply.startswith(";") for reply in answers(f).values())
     assert f.effects == ()
     assert f.model.effect == ()
     assert "ambient" in f.summary

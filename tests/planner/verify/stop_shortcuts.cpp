@@ -125,7 +125,7 @@ void count_not_marched(const RandomTrack& ground, double height, Count& count) {
 int main() {
   std::mt19937 random(7);
   Count unchecked, not_marched;
-  for (int n = 0; n < 30000; ++n) {
+  for (int n = 0; n < 12000; ++n) {
     const RandomTrack ground(random);
     const double height = n % 3 == 0 ? 0.0 : ground.draw(0.0, 0.1);
     count_unchecked(ground, height, unchecked);
