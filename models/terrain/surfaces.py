@@ -29,7 +29,7 @@ from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.surface_names import states_of
 from slopewise.models.terrain.observation import Features, TerrainEstimate
 
-_UPPER = 1.645
+UPPER = 1.645
 """Standard deviations of a normal distribution below which 95 % lie [1]."""
 
 
@@ -49,14 +49,14 @@ def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:
     news = {}
     for name, floor in lowest.items():
         estimate, before = getattr(known, name), getattr(old, name)
-        upper = estimate.value + _UPPER * estimate.std
+        upper = estimate.value + UPPER * estimate.std
         use = math.isfinite(upper) and (valid or upper >= before)
         news[name] = max(upper if use else before, floor)
     terrain = dataclasses.replace(old, **news)
     if not measured.is_known:
         return dataclasses.replace(model, terrain=terrain)
     # Below level 1 the scatter of the force includes that of f_r; at level 1 only rolling has it.
-    lower = measured.value - (_UPPER * measured.std if model.braking.level == 1.0 else 0.0)
+    lower = measured.value - (UPPER * measured.std if model.braking.level == 1.0 else 0.0)
     resistance = max(min(old.rolling_while_braking, lower), 0.0)
     terrain = dataclasses.replace(terrain, braking_resistance=resistance)
     braking = _with_scatter(model.braking, _open(old), _open(terrain))

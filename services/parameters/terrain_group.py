@@ -1,6 +1,7 @@
 """Terrain parameters of the ground driven now: f_r, μ_t, B_s. Source: Slip, Sec. 3.2.
 
-Each counts with the upper end of its one-sided 95 % interval. A slower estimate is used
+Each counts with the upper end of its one-sided 95 % interval; a vehicle that rolls on with its
+drive cut counts on the lowest lower end of f_r, `braking_resistance`. A slower estimate is used
 immediately, a faster one by a share of the difference and never beyond the model file, so that no
 estimate, word or name of the ground makes a plan faster than the file. Values of an operator that
 are faster return to the file's with age.
@@ -13,7 +14,9 @@ import math
 import time
 from typing import ClassVar
 
+from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.terrain.surfaces import UPPER
 from slopewise.services.parameters.parameter_group import (
     DriveUpdate,
     GroupDescription,
@@ -25,9 +28,6 @@ from slopewise.services.settings.learning_settings import Learning
 _FASTER_SHARE = 0.2
 """Part of the difference to a faster estimate that one update follows [1]: the mean of about five
 estimates, as one alone may be of a patch."""
-
-_UPPER = 1.645
-"""Standard deviations of a normal distribution below which 95 % lie [1]."""
 
 _RANGES = ((0.001, 1.5), (0.01, 3.0), (1.0, 20.0))
 """Values beyond are gross errors: [1], [1], track widths. Steel wheels on rails roll at f_r 0.001,
@@ -47,6 +47,7 @@ class TerrainGroup(ValueGroup):
         super().__init__()
         self._prior, self._settings = prior, settings
         self._stds: dict[str, float] = {}
+        self._rolling: float | None = None  # lower end of f_r, never above the file's [1]
 
     def drive(self, samples: DriveUpdate) -> set[str]:
         ground = samples.ground
@@ -60,13 +61,15 @@ class TerrainGroup(ValueGroup):
         changed = False
         for name, (value, std) in zip(self.units, features, strict=True):
             low, high = self._range(name)
-            upper = value + _UPPER * std
+            upper = value + UPPER * std
             if not 0.0 <= upper <= high:
                 continue
             slow = max(upper, low)
             if name == "motion_resistance" and self._prior.braking.level < 1.0:
                 # Part of the braking then is this resistance: more of it would count as brakes.
                 continue
+            if name == "motion_resistance":
+                changed |= self._learn_rolling(max(value - UPPER * std, 0.0))
             old, file = self._current()[name], float(getattr(self._prior.terrain, name))
             if slow < old <= file:
                 continue
@@ -77,6 +80,15 @@ class TerrainGroup(ValueGroup):
         if changed:
             self._updated = time.monotonic()
         return changed
+
+    def _learn_rolling(self, lower: float) -> bool:
+        """Learn the lower end of f_r [1], which only gets lower; True if it changed."""
+        file = self._prior.terrain.rolling_while_braking
+        old = file if self._rolling is None else self._rolling
+        if old - lower <= _MIN_CHANGE * max(old, 1e-3):
+            return False
+        self._rolling = lower
+        return True
 
     def restrict_to_file(self) -> set[str]:
         """Return to the model file where it is slower, as on other terrain."""
@@ -96,10 +108,9 @@ class TerrainGroup(ValueGroup):
 
     def apply(self, model: Model) -> Model:
         terrain = dataclasses.replace(model.terrain, **self._current())
-        if (upper := self._values.get("motion_resistance")) is not None:
-            # Rolling on with the drive cut counts on the lowest resistance that is known.
-            lower = upper - 2.0 * _UPPER * self._stds.get("motion_resistance", 0.0)
-            rolling = max(min(model.terrain.rolling_while_braking, lower), 0.0)
+        file = model.terrain.rolling_while_braking
+        rolling = file if self._rolling is None else min(self._rolling, file)
+        if rolling < terrain.rolling_while_braking:
             terrain = dataclasses.replace(terrain, braking_resistance=rolling)
         return dataclasses.replace(model, terrain=terrain)
 
@@ -113,15 +124,20 @@ class TerrainGroup(ValueGroup):
         )
 
     def state(self, group: str) -> State | None:
-        return {"values": self._values, "stds": self._stds} if self._values else None
+        if not self._values and self._rolling is None:
+            return None
+        return {"values": self._values, "stds": self._stds, "rolling": self._rolling}
 
     def restore(self, group: str, state: State | None, age: float) -> None:
         """Restore values of ``age`` seconds ago."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
         stds = {} if state is None else {n: float(s) for n, s in state["stds"].items()}
+        rolling = None if state is None else state.get("rolling")
         self._check(values)
+        if not (rolling is None or 0.0 <= rolling <= 1.0):
+            raise ParameterError("rolling", f"a number of 0 … 1, got {rolling:g}")
         self._replace(values, age)
-        self._stds = stds
+        self._stds, self._rolling = stds, rolling
 
     def _range(self, name: str) -> tuple[float, float]:
         low, high = _RANGES[list(self.units).index(name)]

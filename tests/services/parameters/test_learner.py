@@ -232,6 +232,17 @@ def test_a_vaguer_resistance_lets_the_vehicle_roll_on_faster() -> None:
     assert rolling == pytest.approx([0.13, 0.13 - 1.645 * 0.02, 0.0])
 
 
+def test_less_resistance_than_the_file_states_counts_for_rolling_alone() -> None:
+    unknown, group = (float("nan"), float("nan")), TerrainGroup(HUSKY, Learning())
+    for estimate in ((0.3, 0.01), (0.05, 0.01)):
+        group.learn((estimate, unknown, unknown))
+    again = TerrainGroup(HUSKY, Learning())
+    again.restore("terrain", group.state("terrain"), 0.0)
+    for terrain in (it.apply(HUSKY).terrain for it in (group, again)):
+        assert terrain.rolling_while_braking == pytest.approx(0.05 - 1.645 * 0.01)
+        assert terrain.motion_resistance >= HUSKY.terrain.motion_resistance
+
+
 @given(values=st.lists(st.tuples(*[st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 0.5))] * 3)))
 def test_no_terrain_estimate_makes_a_plan_faster_than_the_file(values: Any) -> None:
     prior = HUSKY.terrain
