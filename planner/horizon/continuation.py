@@ -56,6 +56,8 @@ class Continuation:
         lead: how much later than there, by the plan, the vehicle is by now [s]: until then the plan
             is driven already.
         offered: None if no candidate is that path.
+        untracked: speed of a vehicle that is not at that of the plan, None where it is [m/s]: then
+            it can only be stopped on this path.
     """
 
     planner: CyclePlanner
@@ -63,6 +65,7 @@ class Continuation:
     projection: PathProjection
     lead: float
     offered: OfferedPath | None
+    untracked: float | None = None
 
     @property
     def _segment(self) -> int:
@@ -212,6 +215,8 @@ class Continuation:
     @property
     def _fixed_prefix(self) -> Floats:
         """v² from where it was measured to the end of the vehicle's segment by now [m²/s²]."""
+        if self.untracked is not None:
+            return np.full(2, self.untracked**2)
         fixed_prefix: Floats = self.previous.plan.speed[self._segment : self._now[0] + 2] ** 2
         return fixed_prefix
 
@@ -222,7 +227,9 @@ class Continuation:
             path, first = self.previous.going_on(
                 self.projection, self.offered.rows, behind, extended=extended
             )
-        start = float(self.previous.plan.speed[self._segment])
+        start = self.untracked
+        if start is None:
+            start = float(self.previous.plan.speed[self._segment])
         return PathAhead(path, first, self._clear(path, first), start)
 
     def _clear(self, path: PathBatch, first: int) -> float:

@@ -15,7 +15,13 @@ from slopewise.planner.horizon.continuation import Continuation, PathAhead
 from slopewise.planner.horizon.cycle_batch import BestCandidates, CycleBatch
 from slopewise.planner.horizon.cycle_planner import CyclePlanner
 from slopewise.planner.horizon.path_cut import cut, passed_stations
-from slopewise.planner.horizon.previous_plan import PreviousPlan, index_of, offered_path, vehicle_on
+from slopewise.planner.horizon.previous_plan import (
+    PreviousPlan,
+    index_of,
+    is_tracked,
+    offered_path,
+    vehicle_on,
+)
 from slopewise.planner.horizon.refusals import Drivable, drivable_of
 from slopewise.planner.path import PathBatch, joined
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
@@ -40,12 +46,21 @@ class Cycle:
         self._lap = planner.started
         self.seconds: dict[str, float] = {}
         self._continuation: Continuation | None = None
+        self._former: Continuation | None = None
         self._ahead: PathAhead | None = None
-        if previous is not None:
-            projection = vehicle_on(previous, self._state, self._settings)
-            if projection is not None:
-                lead = previous.lead_at(projection, self._state.age, self._settings.period)
-                self._continuation = Continuation(planner, previous, projection, lead, None)
+        self._start = planner.fastest_now
+        if previous is None:
+            return
+        projection = vehicle_on(previous, self._state, self._settings)
+        if projection is None:
+            return
+        if is_tracked(previous, projection, self._state.speed, self._settings):
+            lead = previous.lead_at(projection, self._state.age, self._settings.period)
+            self._continuation = Continuation(planner, previous, projection, lead, None)
+            self._start, _ = self._continuation.motion
+        self._former = self._continuation or Continuation(
+            planner, previous, projection, 0.0, None, self._start
+        )
 
     def run(
         self, paths: PathBatch | None, clear: Floats
@@ -80,10 +95,8 @@ class Cycle:
             candidates.paths, candidates.projection, planner.elevation_map, vehicle
         )
         index = self._find_previous(candidates, rest, passed)
-        start = max(self._state.speed, 0.0)
-        if self._continuation is not None:
-            start, _ = self._continuation.motion
-        together, free, starts = rest, candidates.clear - passed, np.full(len(passed), start)
+        together, free = rest, candidates.clear - passed
+        starts = np.full(len(passed), self._start)
         if self._ahead is not None:
             # One more candidate costs next to nothing, solved alone as much as twenty.
             together = joined(rest, self._ahead.path)
@@ -105,6 +118,8 @@ class Cycle:
         plans = best_first(planner, plans, continued, previous, gain)
         unchanged = unchanged and plans[0] is continued
         plans = [self._with_deviation(plan, candidates) for plan in plans]
+        if index is None and plans[0].plan.status is Status.INFEASIBLE:
+            plans = [*self._stop_on_former("no candidate can be stopped on"), *plans]
         finished = tuple(plan.plan for plan in plans)
         ranking = (*batch.ranked(order), *refused)
         chosen = answer(planner, plans[0], finished, ranking, self._lead, deficit, unchanged)
@@ -252,12 +267,15 @@ class Cycle:
         """No candidate: braking on the previous plan's path, fully where that is not enough."""
         reason = f"{reason}: full braking"
         full = CycleAnswer(Status.DEGRADED, reason, None, FULL_STOP, ranking=ranking)
-        if self._continuation is None:
+        stops = self._stop_on_former(reason)
+        if not stops:
             return full, None
-        stop = self._continuation.stop(reason)
-        if stop is None:
-            return full, None
-        return answer(self._planner, stop, (stop.plan,), ranking, self._lead)
+        return answer(self._planner, stops[0], (stops[0].plan,), ranking, self._lead)
+
+    def _stop_on_former(self, reason: str) -> list[PreviousPlan]:
+        """Service braking on the path that was driven so far, empty where that is not possible."""
+        stop = None if self._former is None else self._former.stop(reason)
+        return [] if stop is None else [stop]
 
     @property
     def _lead(self) -> float:

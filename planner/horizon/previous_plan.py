@@ -231,7 +231,7 @@ def offered_path(
 def vehicle_on(
     previous: PreviousPlan, state: PlanarState, settings: HorizonSettings
 ) -> PathProjection | None:
-    """The vehicle on the previous plan; None if it is not on its path, or too fast or too slow."""
+    """The vehicle on the path of the previous plan, None if it is not on it."""
     if state.invalid_field():
         return None
     projection = previous.locate((state.x, state.y), state.heading)
@@ -239,11 +239,15 @@ def vehicle_on(
         float(values[0]) for values in (projection.beside, projection.turned, projection.along)
     )
     near = lateral <= settings.beside and along >= -settings.ahead
-    if not (near and turned <= settings.turned):
-        return None
+    return projection if near and turned <= settings.turned else None
+
+
+def is_tracked(
+    previous: PreviousPlan, projection: PathProjection, speed: float, settings: HorizonSettings
+) -> bool:
+    """Return True if the vehicle has the speed of the previous plan where it is, about [m/s]."""
     planned, _ = previous.speed_at(projection)
-    tracks = abs(max(state.speed, 0.0) - planned) <= settings.speed_error
-    return projection if tracks else None
+    return abs(max(speed, 0.0) - planned) <= settings.speed_error
 
 
 def index_of(

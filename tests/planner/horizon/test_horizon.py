@@ -408,6 +408,23 @@ def test_without_a_candidate_it_brakes_on_the_path_so_far() -> None:
     assert drive.cycle().command.speed == 0.0
 
 
+@pytest.mark.parametrize("missing", [0.0, 0.5])
+def test_where_all_new_candidates_end_too_soon_it_stops_on_the_path_so_far(missing: float) -> None:
+    """Whether or not the vehicle has the speed of its plan."""
+    drive = moving()
+    former = drive.answers[-1].chosen
+    drive.speed -= missing
+    drive.paths, drive.clear = [CandidatePath("new", straight(40.0).points)], drive.x + 0.3
+    speed = drive.speed
+    while drive.speed > 0.0:
+        answer = drive.cycle()
+        assert (answer.chosen.candidate, answer.command.stop) == (former.candidate, False)
+        assert "no candidate can be stopped on: stops on the path driven so far" in answer.reason
+        assert drive.speed < speed
+        speed = drive.speed
+    assert drive.x < former.x[0] + former.clear_distance
+
+
 UNKNOWN = plane(unknown=lambda x, y: x < 44.0)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -151,3 +151,19 @@ def test_a_command_is_the_slower_one_of_two_times() -> None:
     for now, late, slower in ((0.3, 1.0, 0.3), (braking, braking + 0.4, braking + 0.4)):
         assert command_of(plan, now, late, PERIOD) == command_of(plan, slower, slower, PERIOD)
     assert command_of(plan, 0.0, 99.0, PERIOD).speed == 0.0
+
+
+@pytest.mark.parametrize(("age", "latency"), [(0.0, 0.0), (0.2, 0.0), (0.0, 0.2), (0.3, 0.3)])
+def test_speed_that_earlier_commands_still_add_is_planned_for(age: float, latency: float) -> None:
+    """A vehicle slower than commanded speeds up until a command of now arrives."""
+    tables = {**tables_with(), "tracking": {"latency": latency}}
+    vehicle = Obedient(straight(40.0), plane(), tables)
+    for _ in range(15):
+        vehicle.cycle(age)
+    commanded, accel = vehicle.answers[-1].command.speed, tables["limits"]["accel"]
+    measured = replace(vehicle.state(age), speed=commanded - 0.5)
+    new = CandidatePath("new", vehicle.path.points)
+    answer = vehicle.horizon.step(measured, [new], vehicle.ground)
+    assert answer.chosen is not None
+    expected = min(commanded, measured.speed + accel * (age + latency))
+    assert answer.chosen.speed[0] == pytest.approx(expected, abs=1e-9)
