@@ -48,7 +48,7 @@ class Cycle:
         self._continuation: Continuation | None = None
         self._former: Continuation | None = None
         self._ahead: PathAhead | None = None
-        self._start = planner.fastest_now
+        self._start = planner.unseen.speed
         if previous is None:
             return
         projection = vehicle_on(previous, self._state, self._settings)

@@ -16,6 +16,7 @@ from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
 from slopewise.planner.horizon.path_projection import departure_of
+from slopewise.planner.horizon.recent_commands import UnseenMotion
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.plan_finalizer import Unfinished, finish
@@ -28,11 +29,6 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 
 
-def unseen_time(age: float, model: Model) -> float:
-    """Time from a state of an age [s] to the first effect of a command on it [s]."""
-    return age + (0.0 if model.tracking is None else model.tracking.latency)
-
-
 @dataclass(frozen=True, slots=True)
 class CyclePlanner:
     """Plans of one cycle.
@@ -43,7 +39,7 @@ class CyclePlanner:
         elevation_map, conditions: those of the moment.
         started: when the cycle did, by the clock of `perf_counter` [s].
         state: vehicle state; it may be off its paths.
-        commanded: fastest of the commands that the state does not show yet [m/s].
+        unseen: what the vehicle may do until a command of this cycle takes effect.
     """
 
     model: Model
@@ -54,18 +50,7 @@ class CyclePlanner:
     conditions: GroundConditions
     started: float
     state: PlanarState
-    commanded: float = 0.0
-
-    @property
-    def fastest_now(self) -> float:
-        """Speed that the vehicle may reach before a command of this cycle [m/s].
-
-        It obeys earlier ones, at most with the acceleration of its limits, until this cycle's
-        takes effect.
-        """
-        measured = max(self.state.speed, 0.0)
-        gain = self.model.limits.accel * unseen_time(self.state.age, self.model)
-        return max(measured, min(self.commanded, measured + gain))
+    unseen: UnseenMotion
 
     def late(self) -> bool:
         """The time for this cycle is over."""
@@ -100,7 +85,7 @@ class CyclePlanner:
             settings=self.planning,
             conditions=self.conditions,
             uncertainty=self.uncertainty,
-            departure=departure_of(paths, self.state),
+            departure=departure_of(paths, self.state, self.unseen.places),
             finalists=finalists,
         )
 

@@ -7,11 +7,9 @@ driven on, so an answer that was `ok` stays `ok` (docs/decisions/0008-horizon.md
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
 from time import perf_counter
 
 import numpy as np
@@ -25,18 +23,19 @@ from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.sight import within_sight
-from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
 from slopewise.planner.horizon.answer import HorizonSettings as HorizonSettings
 from slopewise.planner.horizon.cycle import Cycle
-from slopewise.planner.horizon.cycle_planner import CyclePlanner, unseen_time
+from slopewise.planner.horizon.cycle_planner import CyclePlanner
 from slopewise.planner.horizon.previous_plan import PreviousPlan
+from slopewise.planner.horizon.recent_commands import RecentCommands
 from slopewise.planner.path import EvenPath, PathBatch, batch, behind_the_front
 from slopewise.planner.settings import PlannerSettings
 
-_CYCLES = 100
-"""Cycles for which ages of states and commands are remembered [1]: where ages vary, stops from a
-plan made at a small one would pass the clear distance at the next large one."""
+_AGES = 100
+"""Cycles for which the age of a state is remembered [1]: where ages vary, stops from a plan made at
+a small one would pass the clear distance at the next large one."""
 
 
 class Horizon:
@@ -56,8 +55,8 @@ class Horizon:
         self.uncertainty = uncertainty or Uncertainty()
         self._previous: PreviousPlan | None = None
         self._best: frozenset[str] = frozenset()
-        self._ages: deque[float] = deque(maxlen=_CYCLES)
-        self._commands: deque[float] = deque(maxlen=_CYCLES)
+        self._ages: deque[float] = deque(maxlen=_AGES)
+        self._recent = RecentCommands()
         self.learn(model)
 
     @property
@@ -112,6 +111,7 @@ class Horizon:
         if not state.invalid_field():
             self._ages.append(state.age)
         now = replace(now, pose_age=max(now.pose_age, *self._ages, 0.0))
+        latency = survived_errors(self.model, self.uncertainty).latency
         planner = CyclePlanner(
             within_sight(self.model, elevation_map, self.planner.unseen_steps),
             self.uncertainty,
@@ -121,18 +121,11 @@ class Horizon:
             now,
             started,
             state,
-            self._commanded(state),
+            self._recent.unseen(state, latency, self.model.limits.accel, self.settings.period),
         )
         cycle = Cycle(planner, self._previous, self._best)
         answer, self._previous = cycle.run(offered, free)
         # The best of a cycle are likely to be the best of the next one.
         self._best = frozenset(r.candidate for r in answer.ranking[: self.settings.smoothed])
-        self._commands.appendleft(answer.command.speed)
+        self._recent.add(answer)
         return replace(answer, seconds=cycle.seconds)
-
-    def _commanded(self, state: PlanarState) -> float:
-        """Fastest of the commands that a state does not show yet [m/s]."""
-        if state.invalid_field():
-            return 0.0
-        cycles = 1 + math.ceil(unseen_time(state.age, self.model) / self.settings.period)
-        return max(islice(self._commands, cycles), default=0.0)

@@ -52,13 +52,29 @@ def locate(
     return PathProjection(segment, *values)
 
 
-def departure_of(paths: PathBatch, state: PlanarState) -> Departure:
-    """The actual pose of the vehicle against M paths on which it was found before."""
-    projection = locate(paths.x, paths.y, paths.count, (state.x, state.y), state.heading)
+def departure_of(paths: PathBatch, state: PlanarState, places: Floats | None = None) -> Departure:
+    """The actual pose of the vehicle against M paths on which it was found before.
+
+    Args:
+        paths: the candidates. state: the vehicle's.
+        places: (k, 2) where earlier commands may lead it until a new one takes effect [m].
+    """
+    projection, offset = _offset(paths, (state.x, state.y), state.heading)
+    speed, later = max(state.speed, 0.0), None
+    if places is not None and len(places) > 0:
+        later = np.stack([_offset(paths, (x, y), state.heading)[1] for x, y in places.tolist()])
+        later = np.stack([later.min(axis=0), later.max(axis=0)])
+    k, along = projection.segment, projection.along
+    return Departure(k, along, offset, state.heading, speed, state.age, later)
+
+
+def _offset(
+    paths: PathBatch, at: tuple[float, float], heading: float
+) -> tuple[PathProjection, Floats]:
+    """A place on M paths, and its signed distance from them, to the left positive [m]."""
+    projection = locate(paths.x, paths.y, paths.count, at, heading)
     k, lanes = projection.segment, np.arange(len(projection.segment))
     x, y = paths.x[k, lanes], paths.y[k, lanes]
     dx, dy = paths.x[k + 1, lanes] - x, paths.y[k + 1, lanes] - y
-    to_x, to_y = state.x - x, state.y - y
-    offset = (dx * to_y - dy * to_x) / np.maximum(np.hypot(dx, dy), 1e-9)
-    speed = max(state.speed, 0.0)
-    return Departure(k, projection.along, offset, state.heading, speed, state.age)
+    cross = dx * (at[1] - y) - dy * (at[0] - x)
+    return projection, cross / np.maximum(np.hypot(dx, dy), 1e-9)

@@ -53,6 +53,8 @@ class Departure(NamedTuple):
         offset: (M,) signed distance from the line, to the left positive [m].
         heading: body heading [rad]. speed: vehicle speed [m/s].
         age: time since the pose was measured [s].
+        later: (2, M) lowest and highest offset to which earlier commands may lead it until
+            a new one takes effect [m]; None: till then it holds its heading.
     """
 
     segment: Ints
@@ -61,11 +63,15 @@ class Departure(NamedTuple):
     heading: float
     speed: float
     age: float
+    later: Floats | None = None
 
     def only(self, lanes: Ints) -> Departure:
         """The vehicle relative to some of the lines, by their indices."""
         return self._replace(
-            segment=self.segment[lanes], along=self.along[lanes], offset=self.offset[lanes]
+            segment=self.segment[lanes],
+            along=self.along[lanes],
+            offset=self.offset[lanes],
+            later=None if self.later is None else self.later[:, lanes],
         )
 
 
@@ -91,6 +97,8 @@ def is_off_line(profile: TerrainProfile, departure: Departure, model: Model) -> 
     """Return True for each of M lines that the vehicle is not on, so that it has a way to it."""
     turned = _heading_error(profile, departure)
     away: Bools = np.abs(departure.offset) + _arm(model) * np.abs(np.sin(turned)) > _ON_LINE
+    if departure.later is not None:
+        away |= np.abs(departure.later).max(axis=0) > _ON_LINE
     return away
 
 
@@ -111,14 +119,15 @@ def convergence(
     """
     arm, offset, turned = _arm(model), departure.offset, _heading_error(profile, departure)
     late = max(departure.speed, 0.0) * latency
-    shortest, longest = _lookaheads(model, departure.speed, offset, turned)
-    amplitude = 4.0 * np.abs(offset) + 2.0 * (late + longest + arm) * np.abs(turned)
+    held, far, away = _late_courses(departure, turned, late)
+    shortest, longest = _lookaheads(model, departure.speed, far, away)
+    amplitude = 4.0 * far + 2.0 * (late + longest + arm) * away
     ends = late + longest * np.log(np.maximum(amplitude / _ON_LINE, 1.0))
     arc = np.hypot(np.diff(profile.x, axis=0), np.diff(profile.y, axis=0)).cumsum(axis=0)
     distance = np.concatenate((np.zeros((1, arc.shape[1])), arc)) - departure.along
     rows = min(max(int((distance < ends).sum(axis=0).max()) + 1, 2), len(distance))
     distance = np.ascontiguousarray(distance[:rows])
-    lateral, error, curvature = _hull(distance, offset, turned, shortest, longest, late)
+    lateral, error, curvature = _hull(distance, offset, turned, held, shortest, longest, late)
     return Convergence(
         _moved(profile, lateral[0], error[0], model.steering_geometry.body_offset),
         lateral[1] + arm * np.sin(error[1]),
@@ -199,17 +208,55 @@ def _lookaheads(model: Model, speed: float, offset: Floats, turned: Floats) -> t
     return shortest, _LONGEST * np.maximum(shortest, gentle)
 
 
+def _late_courses(
+    departure: Departure, turned: Floats, late: float
+) -> tuple[Floats, Floats, Floats]:
+    """Curvatures of courses until steering begins; largest offset and heading error by then.
+
+    Args:
+        departure: vehicle pose relative to M lines; turned: (M,) heading errors [rad].
+        late: distance to where steering begins, if it does not immediately [m].
+
+    Returns:
+        (B, M) beyond that of the line [1/m], for courses that steer immediately and later; (M,)
+        [m]; (M,) [rad].
+    """
+    offset, straight = departure.offset, np.zeros_like(turned)
+    if late <= 0.0 or departure.later is None:
+        courses = 1 if late <= 0.0 else 2
+        return np.stack([straight] * courses), np.abs(offset), np.abs(turned)
+    # e(s) = e₀ + ψ₀ s + ½ κ s² is at the known offset where steering begins.
+    held = 2.0 * (departure.later - offset - turned * late) / late**2
+    far = np.abs(np.stack([offset, *departure.later])).max(axis=0)
+    away = np.abs(np.stack([turned, *(turned + held * late)])).max(axis=0)
+    return np.stack([straight, straight, *held]), far, away
+
+
 def _hull(
-    distance: Floats, offset: Floats, turned: Floats, shortest: float, longest: Floats, late: float
+    distance: Floats,
+    offset: Floats,
+    turned: Floats,
+    held: Floats,
+    shortest: float,
+    longest: Floats,
+    late: float,
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
     """Offsets [m] and headings [rad] of all courses: middle and half the range; curvature [1/m]."""
-    begin = np.array([0.0, late] if late > 0.0 else [0.0])[:, None, None, None]
+    begin = np.array([0.0, *[late] * (len(held) - 1)])[:, None, None, None]
+    held = held[:, None, None]
     lookahead = np.stack([np.full_like(longest, shortest), np.sqrt(shortest * longest), longest])
     ahead = distance - begin
+    before = np.minimum(ahead, 0.0)
     # All courses together: (begins, lookaheads, K, M).
-    lateral, error = offset_and_heading(ahead, offset + begin * turned, turned, lookahead[:, None])
+    lateral, error = offset_and_heading(
+        ahead,
+        offset + begin * turned + 0.5 * held * begin**2,
+        turned + held * begin,
+        lookahead[:, None],
+    )
+    lateral, error = (lateral + 0.5 * held * before**2, error + held * before)
     turn_back = np.abs(lateral / lookahead[:, None] + error) * (2.0 / lookahead[:, None])
-    curvature = np.where(ahead > 0.0, turn_back, 0.0).max(axis=(0, 1))
+    curvature = np.where(ahead > 0.0, turn_back, np.abs(held)).max(axis=(0, 1))
     bounds = []
     for values in (lateral, error):
         # Behind the vehicle nothing is swept but the line.

@@ -46,9 +46,18 @@ def line_at(s: float, curvature: float) -> tuple[float, float]:
 
 
 def pursued(
-    x: float, y: float, heading: float, lookahead: float, late: float, curvature: float
+    x: float,
+    y: float,
+    heading: float,
+    lookahead: float,
+    late: float,
+    curvature: float,
+    held: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (n, 3) of a pure-pursuit tracker, and the stations of their feet: no linear law."""
+    """Poses (n, 3) of a pure-pursuit tracker, and the stations of their feet: no linear law.
+
+    It begins late [m], and holds a curvature till then [1/m].
+    """
     along = np.arange(0.0, 14.0, 0.01)
     line = np.array([line_at(s, curvature) for s in along])
     poses, feet = [], []
@@ -57,7 +66,7 @@ def pursued(
         foot = int(np.argmin(away))
         poses.append((x, y, heading))
         feet.append(along[foot])
-        turn = 0.0
+        turn = held
         if n * STEP >= late:
             ahead = foot + int(np.argmax(away[foot:] >= lookahead))
             dx, dy = line[ahead] - (x, y)
@@ -124,6 +133,32 @@ def test_until_it_is_on_its_line_a_vehicle_strikes_nothing(draws: int) -> None:
     assert hidden > 0.06 * draws  # 21 of 300
     assert free > 0.2 * draws
     assert false <= 0.15 * free, (false, free)
+
+
+def test_on_the_course_of_an_earlier_command_it_strikes_nothing() -> None:
+    """A vehicle that turns until the command for another line takes effect."""
+    rng, hidden = np.random.default_rng(4), 0
+    for _ in range(14):
+        held, age = rng.uniform(0.08, 0.15) * rng.choice([-1.0, 1.0]), rng.uniform(0.4, 0.6)
+        state = PlanarState(x=0.0, y=0.0, heading=0.0, speed=rng.uniform(2.0, 3.0), age=age)
+        late = age * state.speed
+        side = np.sign(held) * (0.5 * SHAPE.width + rng.uniform(0.05, 0.4))
+        at = round(rng.uniform(3.0, 5.0), 1), round(side, 1)
+        clear = []
+        for first in (held, 0.0):
+            horizon = Horizon(MODEL, HorizonSettings(budget=60.0), PlannerSettings(), MEAN)
+            before = arc(14.0, first, name="before") if first else straight(14.0, name="before")
+            horizon.step(state, [before], plane(x=(-4.0, 18.0), y=(-9.0, 9.0), resolution=EDGE))
+            new = horizon.step(state, [straight(13.0, name="new")], with_block(at, EDGE)).chosen
+            assert new is not None
+            clear.append(new.clear_distance)
+        for lookahead in (2.0, rng.uniform(2.0, 4.0), 4.0):
+            poses, feet = pursued(0.0, 0.0, 0.0, lookahead, late, 0.0, held)
+            hit = struck(poses, at, 0.5 * EDGE) & (feet > 0.0)
+            if hit.any():
+                assert clear[0] <= feet[np.argmax(hit)] + 0.05, (held, at)
+                hidden += clear[1] > feet[np.argmax(hit)] + 0.05
+    assert hidden > 4  # of 42
 
 
 def test_on_the_line_within_a_centimetre_no_bit_of_a_plan_changes() -> None:
