@@ -191,6 +191,8 @@ def calibrate_fleet(
         write_model(fitted, out / f"{name}.toml", calibration.objections.get(name, ()))
     for name, reason in no_file.items():
         before = calibration.objections.get(name, ())
+        older = f"; {name}.toml in {out} is of an earlier run"
+        reason += older if (out / f"{name}.toml").exists() else ""
         calibration.objections[name] = (*before, f"no model file: {reason}")
     written = [v.name for v in ordered if v.name not in no_file]
     return FleetCalibrateResult(calibration, model, vehicles, written, time.perf_counter() - begin)

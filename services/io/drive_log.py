@@ -206,6 +206,8 @@ def _runs(table: Table, columns: dict[str, NDArray[Any]]) -> list[slice]:
     backwards = np.diff(t) <= 0.0
     backwards[np.array(starts[1:], np.int64) - 1] = False
     for index in np.flatnonzero(backwards):
-        expected = f"expected a time after {t[index]:.9g} s, got {t[index + 1]:.9g}"
+        # A zero is added for the sign of a negative one.
+        before, got = t[index] + 0.0, t[index + 1] + 0.0
+        expected = f"expected a time after {before:.9g} s, got {got:.9g}"
         raise table.error(int(index) + 1, "t", expected)
     return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(t)], strict=True)]

@@ -53,11 +53,14 @@ def test_unusable_logs_and_impossible_fits_are_their_vehicles_alone(
     cut.write_text(logs[0].read_text()[:5000].rpartition(",")[0])
     columns, _, _ = drive(FREE_ROLLING, 8, 7, terrain="")
     write_csv({n: c.tolist() if n in ("run", "terrain") else c for n, c in columns.items()}, weak)
+    out.mkdir()
+    (out / "cut.toml").write_text("# of an earlier run\n")
     result = run([*logs, cut, weak], out)
-    assert sorted(file.stem for file in out.iterdir()) == ["robot-0", "robot-1", "robot-2"]
+    assert sorted(file.stem for file in out.iterdir()) == ["cut", "robot-0", "robot-1", "robot-2"]
     assert result.written == ["robot-0", "robot-1", "robot-2"]
     vehicles = json.loads(to_json(result.summary))["vehicles"]
     assert vehicles["cut"]["objections"][-1].startswith(f"no model file: {cut}: row ")
+    assert vehicles["cut"]["objections"][-1].endswith(f"cut.toml in {out} is of an earlier run")
     assert "no model file: braking.b_b: expected" in vehicles["weak"]["objections"][-1]
     with pytest.raises(InputError, match=r"2 vehicles, got 1; .*cut\.csv: row "):
         run([logs[0], cut], out)
