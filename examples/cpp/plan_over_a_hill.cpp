@@ -1,7 +1,8 @@
-// Speeds along a fan of arcs over a hill, without Python. Before: slopewise export atv --cpp . \
-//     --resolution 0.2 --height-std 0
+// Speeds along a fan of arcs over a hill, without Python, from 1 m/s or the speed given. Before:
+//     slopewise export atv --cpp . --resolution 0.2 --height-std 0
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <limits>
 #include <vector>
@@ -41,13 +42,13 @@ slopewise::EvenPath arc(double curvature) {
 
 }  // namespace
 
-int main() try {
+int main(int count, char** given) try {
   const std::vector<double> z = heights();
   slopewise::Planner planner(atv, {z.data(), cells, cells, 0.0, 0.0, 0.2});
   std::vector<slopewise::EvenPath> fan;
   for (int i = -3; i <= 3; ++i) fan.push_back(arc(0.02 * i));
   planner.sample_terrain(fan);
-  planner.solve(1.0);
+  planner.solve(count > 1 ? std::atof(given[1]) : 1.0);
   std::printf("candidate,status,x,y,station,speed\n");
   for (std::size_t j = 0; j < fan.size(); ++j) {
     const slopewise::Plan plan = planner.finish(j);

@@ -2,6 +2,7 @@
 // with numbers that are none, too large, too small or missing. A wrong argument throws, by name.
 #include <cmath>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "driver.hpp"
@@ -178,9 +179,26 @@ void plan_something(Index problem) {
   }
 }
 
+// What the error of a wrong argument says.
+void expect_message(double resolution, const EvenPath& path, const std::string& words) {
+  driver::generator.seed(1);
+  const PlanningModel model = random_model(0.2);
+  const std::vector<double> z(100, 0.0);
+  std::string message;
+  try {
+    Planner planner(model, {z.data(), 10, 10, 0.0, 0.0, resolution});
+    planner.sample_terrain({path});
+  } catch (const std::invalid_argument& error) {
+    message = error.what();
+  }
+  driver::expect(message == words, message.c_str());
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
+  expect_message(0.2f, {}, "map: expected the resolution that the model was exported for, 0.2 m, got 0.200000003 m");
+  expect_message(0.2, {{1.0, 1.0, 1.0}, {1.0, 1.0, 1.0}}, "path: expected stations 1 mm apart at least");
   const int status = driver::run(count, arguments, plan_something);
   for (const Index plans : counts) std::printf("%td ", plans);
   return status;

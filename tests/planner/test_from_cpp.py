@@ -31,8 +31,8 @@ ROOT = Path(__file__).parents[2]
 STATUSES = list(Status)
 
 
-def rows_of_example(folder: Path) -> np.ndarray:
-    """Columns candidate, status, x, y, station, speed of the example, built in a folder."""
+def example_in(folder: Path) -> Path:
+    """The program of the example, built in a folder."""
     command = ["export", "atv", "--resolution", "0.2", "--height-std", "0", "--cpp"]
     assert CliRunner().invoke(app, [*command, str(folder)]).exit_code == 0
     cmake, ninja, build = tool("cmake"), tool("ninja"), folder / "build"
@@ -49,11 +49,10 @@ def rows_of_example(folder: Path) -> np.ndarray:
     for step in (
         [cmake, "-G", "Ninja", "-S", str(example), "-B", str(build), *options],
         [cmake, "--build", str(build)],
-        [str(build / "plan_over_a_hill")],
     ):
         done = subprocess.run(step, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    return np.loadtxt(done.stdout.splitlines(), delimiter=",", skiprows=1)
+    return build / "plan_over_a_hill"
 
 
 def hill() -> ElevationMap:
@@ -67,16 +66,20 @@ def hill() -> ElevationMap:
 
 @pytest.mark.skipif(compiler() is None, reason="there is no C++ compiler on this machine")
 def test_the_example_plans_as_python_does(tmp_path: Path) -> None:
-    rows = rows_of_example(tmp_path)
-    candidates = [rows[rows[:, 0] == candidate].T for candidate in np.unique(rows[:, 0])]
-    paths = [EvenPath("", c[2:4].T.copy(), None) for c in candidates]
+    program = example_in(tmp_path)
     planner = CandidatePlanner(slopewise.read_model("atv"), None, Uncertainty())
-    plans = planner.plan(hill(), paths, start_speed=1.0)
-    for (_, status, _, _, station, speed), plan in zip(candidates, plans, strict=True):
-        assert plan.status is STATUSES[int(status[0])], plan.reason
-        np.testing.assert_allclose(station, plan.station, rtol=0.0, atol=1e-12)
-        np.testing.assert_allclose(speed, plan.speed, rtol=0.0, atol=1e-9)
-    assert {plan.status for plan in plans} == {Status.OK, Status.BLOCKED}
+    for start_speed in (0.0, 1.0):
+        done = subprocess.run([program, str(start_speed)], capture_output=True, text=True)
+        # Columns candidate, status, x, y, station, speed.
+        rows = np.loadtxt(done.stdout.splitlines(), delimiter=",", skiprows=1)
+        candidates = [rows[rows[:, 0] == candidate].T for candidate in np.unique(rows[:, 0])]
+        paths = [EvenPath("", c[2:4].T.copy(), None) for c in candidates]
+        plans = planner.plan(hill(), paths, start_speed=start_speed)
+        for (_, status, _, _, station, speed), plan in zip(candidates, plans, strict=True):
+            assert plan.status is STATUSES[int(status[0])], plan.reason
+            np.testing.assert_allclose(station, plan.station, rtol=0.0, atol=1e-12)
+            np.testing.assert_allclose(speed, plan.speed, rtol=0.0, atol=1e-9)
+        assert {plan.status for plan in plans} == {Status.OK, Status.BLOCKED}
 
 
 @pytest.mark.parametrize(

@@ -155,6 +155,15 @@ class Finisher {
     }
   }
 
+  // Something else than stopping in time keeps the vehicle from a station from k on, save the last:
+  // brakes that cannot hold there, say.
+  [[nodiscard]] bool is_barred_from(std::size_t k) const {
+    for (; k + 1 < size(); ++k) {
+      if (bound[k] <= 0.0 && label[k] != limiting::stopping_path) return true;
+    }
+    return false;
+  }
+
   void label_stations(const Numbers1& speed_sq, const Numbers1& accelerations, bool smoothed,
                       Label* out) const {
     verify::label_stations({n_, speed_sq.data(), accelerations.data(), bound.data(), label.data(),
@@ -250,6 +259,12 @@ double kept_free(const PlanningModel& model, const Finisher& f, std::size_t k) {
   return f.offset + model.errors.along_track + fall;
 }
 
+// The station behind the last at which v² (N,) moves: a plan may begin at rest.
+std::size_t resting(const Numbers1& speed_sq) {
+  const auto moving = std::find_if(speed_sq.rbegin(), speed_sq.rend(), [](double v) { return v > 0.0; });
+  return std::min(static_cast<std::size_t>(moving.base() - speed_sq.begin()), speed_sq.size() - 1);
+}
+
 Plan plan_of(Finisher& f, const Numbers1& speed_sq, Status status, bool smoothed) {
   const verify::Track on = f.columns_of(f.track);
   const auto n = static_cast<std::size_t>(on.stations);
@@ -290,11 +305,9 @@ Plan Planner::finish(std::size_t candidate) {
     return plan_of(f, speed_sq, c.start_sq > 0.0 ? Status::infeasible : Status::degraded, false);
   }
   const bool smoothed = f.smooth_below(speed_sq);
-  const auto rest = static_cast<std::size_t>(
-      std::find(speed_sq.begin(), speed_sq.end(), 0.0) - speed_sq.begin());
-  const std::size_t at = std::min(rest, n - 1);
+  const std::size_t at = resting(speed_sq);
   const double short_by = c.station.at(static_cast<Index>(n) - 1, j) - f.columns_of(f.track).station[at];
-  if (short_by > kept_free(c.model, f, at) + hardly_short) reaches = false;
+  if (short_by > kept_free(c.model, f, at) + hardly_short || f.is_barred_from(at)) reaches = false;
   const Status status = !smoothed || slowed ? Status::degraded
                         : reaches           ? Status::ok
                                             : Status::blocked;

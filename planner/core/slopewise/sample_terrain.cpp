@@ -1,4 +1,6 @@
 // Ground, braking force and hazards along candidates.
+#include <sstream>
+
 #include "ground/braking_forces.hpp"
 #include "ground/ground_and_body.hpp"
 #include "slopewise/candidates.hpp"
@@ -31,18 +33,28 @@ void expect_even(const EvenPath& path, double spacing) {
     const double dx = path.x[k + 1] - path.x[k], dy = path.y[k + 1] - path.y[k];
     const double step = std::sqrt(dx * dx + dy * dy);
     expect(std::isfinite(step), "path: expected finite positions");
+    expect(step >= least_step_length, "path: expected stations 1 mm apart at least");
     expect(k == 0 || dx * before_x + dy * before_y > 0.0, "path: expected turns below 90 degrees");
     least = min_of(least, step);
     most = max_of(most, step);
     before_x = dx;
     before_y = dy;
   }
-  expect(least >= least_step_length, "path: expected stations 1 mm apart at least");
   if (most > spacing * step_rounding) {
     throw std::invalid_argument("path: expected stations at most " + std::to_string(spacing) +
                                 " m apart (`spacing`), got " + std::to_string(most) + " m");
   }
   expect(most <= (1.0 + evenness) * least, "path: expected stations at even distances");
+}
+
+// Single precision is another resolution: cells would be displaced at the far end of a large map.
+void expect_resolution(double given, double exported) {
+  if (std::abs(given - exported) <= 1e-9 * exported) return;
+  std::ostringstream message;
+  message.precision(9);
+  message << "map: expected the resolution that the model was exported for, " << exported
+          << " m, got " << given << " m";
+  throw std::invalid_argument(message.str());
 }
 
 }  // namespace
@@ -52,8 +64,7 @@ Planner::Planner(const PlanningModel& model, const HeightMap& map) {
              map.columns < most_cells / map.rows,
          "map: expected 2 x 2 to 2^31 cells");
   expect(std::isfinite(map.origin_x) && std::isfinite(map.origin_y), "map: expected a finite origin");
-  expect(std::abs(map.resolution - model.resolution) <= 1e-9 * model.resolution,
-         "map: expected the resolution that the model was exported for");
+  expect_resolution(map.resolution, model.resolution);
   expect(!model.surfaces.empty(), "model: expected a surface");
   candidates_ = std::make_unique<Candidates>(model, map);
 }
