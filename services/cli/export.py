@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import echo, print_result
 from slopewise.services.cli.options import argument, option, output
 from slopewise.services.cli.tables import table
+
+if TYPE_CHECKING:
+    from slopewise.models.parameters import Model
+    from slopewise.services.export.functions import ModelFunction
 
 
 def export(
@@ -43,32 +47,61 @@ def export(
 
     if not model:
         raise InputError("export", "M.toml", "expected a model file, or --json-schema")
+    _check_margins(cpp is not None, resolution, height_std, quantile)
     vehicle = read_model(find_model(model))
-    if cpp is not None:
+    summary: dict[str, Any] = {"model": vehicle.name}
+    tables: list[Any] = []
+    files: list[Path] = []
+    if cpp is not None and resolution is not None and height_std is not None:
         from slopewise.services.export.cpp_model import CMAKE_FOLDER, write_cpp
 
-        if resolution is None or height_std is None:
-            raise InputError("export", "--cpp", "expected --resolution and --height-std with it")
-        header = write_cpp(
-            vehicle, cpp, resolution=resolution, height_std=height_std, quantile=quantile
+        files.append(
+            write_cpp(vehicle, cpp, resolution=resolution, height_std=height_std, quantile=quantile)
         )
-        written = {"model": vehicle.name, "files": [str(header)], "cmake": str(CMAKE_FOLDER)}
-        print_result(as_json, written, [f"for CMake: -Dslopewise_DIR={CMAKE_FOLDER}"], header)
-        return
+        summary["cmake"] = str(CMAKE_FOLDER)
+        tables.append(f"for CMake: -Dslopewise_DIR={CMAKE_FOLDER}")
+    if casadi is not None or c is not None or cpp is None:
+        functions = _write_functions(vehicle, casadi, c, files)
+        summary["functions"] = [
+            {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.meaning}
+            for f in functions
+        ]
+        tables.append(_table(functions))
+    summary["files"] = [str(file) for file in files]
+    print_result(as_json, summary, tables, *files)
+
+
+def _check_margins(
+    of_planner: bool, resolution: float | None, height_std: float | None, quantile: float
+) -> None:
+    """InputError if the planner lacks the error of its maps, or functions are given margins."""
+    from slopewise.planner.ground.uncertainty import QUANTILE
+
+    if of_planner and (resolution is None or height_std is None):
+        raise InputError("export", "--cpp", "expected --resolution and --height-std with it")
+    of_maps = resolution is not None or height_std is not None
+    if not of_planner and (of_maps or quantile != QUANTILE):
+        expected = "expected with --resolution, --height-std or --quantile: functions have none"
+        raise InputError("export", "--cpp", expected)
+
+
+def _write_functions(
+    vehicle: Model, casadi: Path | None, c: Path | None, files: list[Path]
+) -> list[ModelFunction]:
+    """Functions of a model, written as CasADi reads them and as C; add the names of the files."""
     from slopewise.services.export.c_code import write_c
     from slopewise.services.export.functions import functions_of, write_functions
 
-    functions, files = functions_of(vehicle), []
+    functions = functions_of(vehicle)
     if casadi is not None:
         write_functions(functions, casadi)
         files.append(casadi)
     if c is not None:
         files += write_c(vehicle, functions, c)
-    rows = [
-        {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.meaning}
-        for f in functions
-    ]
-    summary = {"model": vehicle.name, "files": [str(file) for file in files], "functions": rows}
+    return functions
+
+
+def _table(functions: list[ModelFunction]) -> Any:
     columns = ("function", "inputs", "unit", "meaning")
     cells = ((f.name, ", ".join(n for n, _ in f.inputs), f.output[1], f.meaning) for f in functions)
-    print_result(as_json, summary, table(columns, cells, left=columns), *files)
+    return table(columns, cells, left=columns)

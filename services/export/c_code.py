@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
 
 import casadi as ca
@@ -12,14 +13,19 @@ import numpy as np
 
 from slopewise.models.parameters import Model
 from slopewise.services.export.functions import ModelFunction, derivative_of
-from slopewise.services.io.files import write_atomic
+from slopewise.services.io.files import fault, write_atomic
 
 _VECTORS = 8  # Test vectors per function [1]
+_CLOSING = '} /* extern "C" */\n#endif\n'
+_UNUSED = """#ifdef __GNUC__ /* interfaces of CasADi have arguments that few functions use */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+"""
 _RANGES = {
     "speed": (0.2, 4.0),
     "grade": (-0.2, 0.2),
     "roll": (-0.2, 0.2),
-    "distance": (1.0, 20.0),
+    "distance": (0.2, 3.5),
     "deceleration": (0.0, 4.0),
     "lateral_accel": (-2.0, 2.0),
     "curvature": (-0.3, 0.3),
@@ -44,10 +50,17 @@ def write_c(model: Model, functions: list[ModelFunction], folder: Path) -> list[
     for function in functions:
         generator.add(function.function)
         generator.add(derivative_of(function))
-    generator.generate(f"{folder}/")
-    header = folder / f"{name}_model.h"
-    write_atomic(header, _header(model, name, functions).encode())
-    return [folder / f"{name}.c", folder / f"{name}.h", header]
+    with TemporaryDirectory() as scratch:
+        generator.generate(f"{scratch}/")
+        code = {part: (Path(scratch) / part).read_text() for part in (f"{name}.c", f"{name}.h")}
+    for part, text in code.items():
+        if not text.endswith(_CLOSING):  # CasADi ignores that a disk is full
+            raise fault(folder / part, "", f"expected room for a copy in {gettempdir()}")
+    code[f"{name}.c"] = _UNUSED + code[f"{name}.c"]
+    code[f"{name}_model.h"] = _header(model, name, functions)
+    for part, text in code.items():
+        write_atomic(folder / part, text.encode())
+    return [folder / part for part in code]
 
 
 def _header(model: Model, name: str, functions: list[ModelFunction]) -> str:

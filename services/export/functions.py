@@ -26,6 +26,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.stop_promise import promised
 from slopewise.planner.ground.uncertainty import QUANTILE
 from slopewise.services.export.even_slope import EvenSlope, choose
+from slopewise.services.io.files import write_atomic
 
 _SPEED, _GRADE = ("speed", "m/s"), ("grade", "rad, uphill positive")
 _ROLL = ("roll", "rad, left side up positive")
@@ -181,7 +182,8 @@ def write_functions(model_functions: list[ModelFunction], path: Path) -> None:
     """Write all functions and their derivatives into a file of CasADi."""
     # The serialiser knows functions by their addresses: none may be freed before the last is in.
     functions = [f for m in model_functions for f in (m.function, derivative_of(m))]
-    out = ca.FileSerializer(str(path))
+    out = ca.StringSerializer()
     out.pack(len(functions))
     for function in functions:
         out.pack(function)
+    write_atomic(path, out.encode().encode())

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.services.export.c_code import sample_inputs, write_c
 from slopewise.services.export.functions import (
@@ -65,7 +66,7 @@ def test_c_code_says_what_python_says(model: Model, tmp_path: Path) -> None:
     source, header, units = write_c(model, functions, tmp_path / "c")
     assert header.exists()
     library = tmp_path / "model.so"
-    flags = ["-O0", "-Wall", "-shared", "-fPIC"]
+    flags = ["-O0", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
     subprocess.run(["gcc", *flags, "-o", str(library), str(source), "-lm"], check=True)
     compiled, rng = ctypes.CDLL(str(library)), np.random.default_rng(1)
     for function in functions:
@@ -192,4 +193,43 @@ def test_command_writes_and_lists_its_files(tmp_path: Path) -> None:
     listed = json.loads(here("export", "atv", "--json").stdout)
     assert (listed["functions"], listed["files"]) == (exported["functions"], [])
     one_line_of(here("export"), "expected a model file")
+    one_line_of(here("export", "atv", "--casadi", tmp_path), "expected a writable file")
+    for margin in ("--quantile", "--resolution", "--height-std"):
+        one_line_of(here("export", "atv", "--c", tmp_path, margin, "0.9"), "--cpp: expected with")
     assert here("export", "nobody", "--c", tmp_path).returncode == 2
+
+
+def test_one_call_writes_every_kind(tmp_path: Path) -> None:
+    kinds = ("--cpp", tmp_path, "--c", tmp_path, "--casadi", tmp_path / "atv.casadi")
+    done = here("export", "atv", *kinds, "--resolution", "0.1", "--height-std", "0", "--json")
+    exported = json.loads(done.stdout)
+    names = {"atv.hpp", "atv.casadi", "atv.c", "atv.h", "atv_model.h"}
+    assert {Path(file).name for file in exported["files"]} == names
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert exported["functions"]
+    assert exported["cmake"]
+
+
+def test_code_that_casadi_cut_off_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = tmp_path / "atv.c"
+    old.write_text("old")
+    generate = ca.CodeGenerator.generate
+
+    def on_a_full_disk(generator: Any, folder: str) -> None:
+        generate(generator, folder)
+        code = Path(folder) / "atv.c"
+        code.write_text(code.read_text()[:40960])
+
+    monkeypatch.setattr(ca.CodeGenerator, "generate", on_a_full_disk)
+    with pytest.raises(InputError, match="expected room for a copy in"):
+        write_c(MODELS["atv"], functions_of(MODELS["atv"]), tmp_path)
+    assert (old.read_text(), [path.name for path in tmp_path.iterdir()]) == ("old", ["atv.c"])
+
+
+def test_speeds_for_distances_are_tested_below_their_limit() -> None:
+    functions = functions_of(read_model(find_model("atv")))
+    bound = next(f for f in functions if f.name == "speed_bound")
+    points = sample_inputs(bound, 8, np.random.default_rng(0))
+    assert len({float(bound.function(*point)) for point in points}) > 4
