@@ -82,9 +82,10 @@ def _facts(
     from slopewise.services.io.model_file import find_model, read_model
     from slopewise.services.ros.settings import read_settings
 
-    if not (map_file or nav2 or bag or live > 0.0):
-        expected = "expected a map, --nav2, --bag or --live: a source to examine"
+    if not (map_file or nav2 or bag or live > 0.0 or (config and model)):
+        expected = "expected a map, --nav2, --bag, --live or --config with --model: what to examine"
         raise InputError("doctor", "", expected)
+    ground = read_map(map_file) if map_file else None
     if map_file and not model:
         raise InputError("--model", "", "expected a model: whose wheels a map is examined for")
     edge = None if config is None else read_settings(config)
@@ -94,7 +95,6 @@ def _facts(
     if live > 0.0 and edge is not None:
         traffic = live_traffic(edge, live)
     robot = read_model(find_model(model)) if model else None
-    ground = read_map(map_file) if map_file else None
     return RobotFacts(robot, edge, read_nav2(nav2) if nav2 else Nav2Facts(), traffic, ground)
 
 

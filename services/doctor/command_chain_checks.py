@@ -14,10 +14,13 @@ from slopewise.services.doctor.robot_facts import (
     RobotFacts,
     error,
     first_number,
+    table_of,
     warning,
 )
+from slopewise.services.io.files import shown
 
 _DECELERATIONS = ("ax_min", "decel_lim_x", "max_linear_decel", "max_decel_x")
+_BASE_DECELERATIONS = ("max_deceleration", "min_acceleration")
 _SPEEDS = ("vx_max", "max_vel_x", "desired_linear_vel", "max_linear_vel")
 _BASES = (
     "diff_drive_controller",
@@ -55,13 +58,33 @@ def links(nav2: Nav2Facts) -> list[Link]:
     if value := first_number(nav2.of("velocity_smoother").get("max_decel")):
         chain.append(Link("velocity_smoother", "max_decel", abs(value)))
     for base in _BASES:
-        linear = nav2.of(base).get("linear", {})
-        table = linear.get("x", {}) if isinstance(linear, Mapping) else {}
-        keys = ("max_deceleration", "min_acceleration")
-        values = ((key, first_number(table.get(key))) for key in keys)
+        table = table_of(nav2.of(base), "linear", "x")
+        values = ((key, first_number(table.get(key))) for key in _BASE_DECELERATIONS)
         if table.get("has_acceleration_limits", True):
             chain += [Link(base, f"linear.x.{key}", abs(v)) for key, v in values if v][:1]
     return chain
+
+
+def check_numbers(facts: RobotFacts) -> Iterator[ConfigIssue]:
+    """Parameters of the chain that are no numbers: no other check sees them."""
+    for name, table, keys in _numbers_of(facts.nav2):
+        for key in keys:
+            if key in table and first_number(table[key]) is None:
+                yield warning(
+                    "a parameter that is no number",
+                    f"{name} has {key} {shown(table[key])}: nothing can be checked by it",
+                    "write a number without quotes; in place of a launch file's $(var …) its value",
+                )
+
+
+def _numbers_of(nav2: Nav2Facts) -> Iterator[tuple[str, Mapping[str, object], tuple[str, ...]]]:
+    """Components, their parameters, and which of these have to be numbers."""
+    yield "controller_server", nav2.of("controller_server"), ("controller_frequency",)
+    for name, table in nav2.controllers().items():
+        yield f"controller {name}", table, _DECELERATIONS + _SPEEDS
+    yield "velocity_smoother", nav2.of("velocity_smoother"), ("max_decel", "max_velocity")
+    for base in _BASES:
+        yield base, table_of(nav2.of(base), "linear", "x"), _BASE_DECELERATIONS
 
 
 def brakes_on_level(model: Model) -> float:
@@ -108,7 +131,15 @@ def check_chain(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 
 def check_smoother(facts: RobotFacts) -> Iterator[ConfigIssue]:
-    """Signs and speeds of the velocity smoother."""
+    """Signs of decelerations, and speeds of the velocity smoother."""
+    for name, table in facts.nav2.controllers().items():
+        # DWB adds it to the speed where it slows down, so that the vehicle gets faster.
+        if (slower := first_number(table.get("decel_lim_x"))) is not None and slower > 0.0:
+            yield error(
+                "sign of a deceleration",
+                f"controller {name} has decel_lim_x {slower:g}: it has to be negative",
+                f"set it to {-slower:g}",
+            )
     smoother = facts.nav2.of("velocity_smoother")
     decel, passed = (first_number(smoother.get(key)) for key in ("max_decel", "max_velocity"))
     if decel is not None and decel > 0.0:

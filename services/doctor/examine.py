@@ -16,6 +16,7 @@ CHECKS: tuple[Callable[[RobotFacts], Iterator[ConfigIssue]], ...] = (
     observed.check_silence,
     observed.check_speed_limit_obeyed,
     observed.check_limits,
+    chain.check_numbers,
     chain.check_chain,
     chain.check_smoother,
     chain.check_speed_limit,

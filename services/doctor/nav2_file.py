@@ -25,7 +25,7 @@ def read_nav2(paths: list[Path]) -> Nav2Facts:
     for path in paths:
         try:
             data = YAML(typ="safe").load(read_text(path))
-        except YAMLError as error:
+        except (YAMLError, RecursionError) as error:
             raise fault(path, "", f"expected YAML, got: {reason(error)}") from None
         tables = dict(_nodes(data, ""))
         if not tables:

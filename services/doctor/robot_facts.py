@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -47,22 +48,32 @@ class Nav2Facts:
         return self.nodes.get(node, {})
 
     def controllers(self) -> dict[str, Mapping[str, Any]]:
-        """Path-following plugins by name."""
+        """Path-following plugins by name; without a list Nav2 has one, FollowPath."""
         server = self.of("controller_server")
-        names = [n for n in server.get("controller_plugins", []) if isinstance(n, str)]
-        tables = {name: server.get(name, {}) for name in names}
-        return {name: table for name, table in tables.items() if isinstance(table, Mapping)}
+        listed = server.get("controller_plugins", ["FollowPath"])
+        names = [n for n in listed if isinstance(n, str)] if isinstance(listed, list) else []
+        return {name: table for name in names if (table := table_of(server, name))}
 
     def controller_rate(self) -> float | None:
         """Frequency of the controller [Hz]."""
         return first_number(self.of("controller_server").get("controller_frequency"))
 
 
+def table_of(parameters: Mapping[str, Any], *names: str) -> Mapping[str, Any]:
+    """The table inside others under these names, empty where it is missing."""
+    for name in names:
+        inside = parameters.get(name)
+        parameters = inside if isinstance(inside, Mapping) else {}
+    return parameters
+
+
 def first_number(value: Any) -> float | None:
     """A number, or the first one of a list."""
     if isinstance(value, list) and value:
         value = value[0]
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        return None
+    return float(value)
 
 
 @dataclass(slots=True)

@@ -116,8 +116,9 @@ def check_times(facts: RobotFacts) -> Iterator[ConfigIssue]:
         )
     rate = facts.nav2.controller_rate()
     if rate is not None and rate < _MIN_RATE:
+        late = f"up to {1.0 / rate:.2f} s later" if rate > 0.0 else "never"
         yield warning(
             "rate of the controller",
-            f"controller_frequency is {rate:g} Hz: a limit is used up to {1.0 / rate:.2f} s later",
+            f"controller_frequency is {rate:g} Hz: a limit is used {late}",
             f"set it to {_MIN_RATE:g} Hz or more",
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,10 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.models.errors import InputError
 from slopewise.services.doctor.examine import absent, examine
 from slopewise.services.doctor.message_collector import MessageCollector
 from slopewise.services.doctor.nav2_file import read_nav2
-from slopewise.services.doctor.robot_facts import (
-    ConfigIssue,
-    IssueSeverity,
-    ObservedTraffic,
-    RobotFacts,
-)
+from slopewise.services.doctor.robot_facts import ConfigIssue, ObservedTraffic, RobotFacts
 from slopewise.services.io.bags import typestore
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.ros.settings import EdgeSettings, FallbackStop, Timing, WheelJoints
@@ -155,6 +150,12 @@ PARAMETER_MISTAKES = {
     "more than the brakes can": (change(*BASE, to=6.0), "deceleration against the brakes"),
     "less than plans need": (change(*BASE, to=1.0), "deceleration against the plan"),
     "sign": (change(SMOOTHER, "max_decel", to=[2.0, 0.0, 3.0]), "sign of a deceleration"),
+    "sign of DWB": (change(SERVER, "FollowPath", "decel_lim_x", to=2.0), "sign of a deceleration"),
+    "text": (
+        change(SERVER, "FollowPath", "ax_min", to="$(var brakes)"),
+        "a parameter that is no number",
+    ),
+    "not a number": (change(SMOOTHER, "max_decel", to=[nan]), "a parameter that is no number"),
     "smoother slower": (
         change(SMOOTHER, "max_velocity", to=[1.0, 0.0, 2.0]),
         "speed along the chain",
@@ -166,6 +167,17 @@ PARAMETER_MISTAKES = {
     "open lock": (change("twist_mux", "locks", "slopewise", "timeout", to=0.0), "lock"),
     "footprint": (change("local_costmap", "footprint", to=SMALL), "footprint"),
     "two clocks": (change(SMOOTHER, "use_sim_time", to=True), "clock"),
+    "controller at rest": (
+        change(SERVER, "controller_frequency", to=0.0),
+        "rate of the controller",
+    ),
+    "plugins by default": (
+        lambda nodes: (
+            change(SERVER, "controller_plugins", to=None)(nodes),
+            change(SERVER, "FollowPath", "ax_min", to=-6.0)(nodes),
+        ),
+        "deceleration against the brakes",
+    ),
     "slow controller": (change(SERVER, "controller_frequency", to=5.0), "rate of the controller"),
 }
 
@@ -222,6 +234,7 @@ def test_mistakes_in_the_traffic_of_a_drive_are_named(mistake: str) -> None:
 SANE_TRAFFIC = {
     "obeys": lambda: seen(drive()),
     "in odom, connected": lambda: connected(),
+    "odometry at 10 Hz": lambda: with_map(seen(drive(rate=10.0))),
     "slows to a crawl": lambda: with_map(seen(drive(lowered=0.01))),
 }
 
@@ -286,27 +299,6 @@ def test_traffic_on_other_topics_is_named_as_such() -> None:
     )
     assert not any("GridMap" in text for text in texts)
     assert absent(RobotFacts(MODEL)) == []  # without traffic nothing is expected of it
-
-
-def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
-    for text, fact in (("a: [", "expected YAML"), ("a: 1\n", "parameters of nodes")):
-        file = tmp_path / "p.yaml"
-        file.write_text(text)
-        with pytest.raises(InputError, match=fact):
-            read_nav2([file])
-    assert here("doctor").returncode == 2
-    assert here("doctor", "--live", "1").returncode == 2
-
-
-def test_parameter_names_with_dots_and_namespaces_are_nested(tmp_path: Path) -> None:
-    file = tmp_path / "p.yaml"
-    file.write_text(
-        "/r1/controller_server:\n  ros__parameters:\n    controller_plugins: [F]\n"
-        "    F.ax_min: -1.0\n    F:\n      vx_max: 2.0\n"
-    )
-    nav2 = read_nav2([file])
-    assert nav2.controllers() == {"F": {"ax_min": -1.0, "vx_max": 2.0}}
-    assert all(f.severity is IssueSeverity.ERROR for f in examine(RobotFacts(MODEL, None, nav2)))
 
 
 def noisy_map(tmp_path: Path, std: float, cell: float, **stated: Any) -> Path:
