@@ -109,7 +109,8 @@ class EvenSlope:
             braked = self._in_steps(begin, lasts, retained, grade, down)
         else:
             braked = begin * begin / (2.0 * slowing)
-        ends = self.trained(grade) * is_bounded * stops_hot * (net >= HOLDING)
+        # Of driving backwards the model knows nothing, and a speed that is no number is not >= 0.
+        ends = self.trained(grade) * is_bounded * stops_hot * (net >= HOLDING) * (speed >= 0.0)
         return choose(ends, begin * table.dead_time + braked + table.distance_offset, math.inf)
 
     def speed_bound(self, clear: Any, grade: Any, extra: Any) -> Any:

@@ -278,7 +278,10 @@ def test_c_code_is_infinite_where_no_stop_is_known(tmp_path: Path) -> None:
         "  double *a[1] = {&far}, *b[1] = {&fast};\n"
         "  stopping_distance(in, a, 0, 0, 0); speed_bound(in, b, 0, 0, 0);\n"
         "  grade = 0.0; double most; b[0] = &most; speed_bound(in, b, 0, 0, 0);\n"
-        "  return !(isinf(far) && fast == 0.0 && most == 4.0); }\n"
+        "  int known = !isinf(far) || fast != 0.0 || most != 4.0;\n"
+        "  v = NAN; stopping_distance(in, a, 0, 0, 0); known |= !isinf(far);\n"
+        "  v = -1.0; stopping_distance(in, a, 0, 0, 0); known |= !isinf(far);\n"
+        "  return known; }\n"
     )
     out = tmp_path / "check"
     files = [str(check), str(source), f"-I{header.parent}", "-lm", "-o", str(out)]
