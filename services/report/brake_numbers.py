@@ -2,14 +2,13 @@
 
 Distances are stops on uniform grades by :mod:`slopewise.models.stops.simulation`. Next to the mean
 stands the distance that plans reserve at a quantile: the stop begins with the onset speed margin,
-lower bounds of force and friction hold, the axle that locks first ends the force, and the worst
-state of the surface applies. Source: Braking (7), (8), (12).
+and with the force that plans count on, by :mod:`slopewise.planner.bounds`. Source: Braking (7),
+(8), (12).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,23 +16,24 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
-from slopewise.models.effects.effect_law import Enters, Place
+from slopewise.models.effects.effect_law import Place
 from slopewise.models.laws import braking
 from slopewise.models.laws import responsibility_sensitive_safety as rss
-from slopewise.models.laws.holding import brakes_hold
+from slopewise.models.laws.holding import brakes_hold, friction_holds
 from slopewise.models.laws.tip_over import rear_share_under_braking
-from slopewise.models.laws.wheel_lockup import friction_cap, lockup_force_ratios
+from slopewise.models.laws.wheel_lockup import friction_cap
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_promise import promised
 from slopewise.models.stops.simulation import MAX_STOP_TIME, GroundTrack, force_law, simulate_stop
-from slopewise.planner.bounds.speed_bounds import HOLDING
+from slopewise.planner.bounds.speed_bounds import HOLDING, speed_bounds
+from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
+from slopewise.planner.ground.terrain_profile import BodyRows, TerrainProfile
 from slopewise.planner.ground.uncertainty import Uncertainty
 
 _HEADINGS = 16
 """Headings at which wind and directional effects are evaluated [1]: every 22.5°."""
-_MAX_GRADE, _GRADE_STEP = np.deg2rad(45.0), np.deg2rad(0.05)
-"""Steepest slope that is searched, and resolution of the result [rad]."""
+_SLOPES = np.arange(0.0, np.deg2rad(45.05), np.deg2rad(0.05))
+"""Slopes that are searched for the steepest [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,61 +65,53 @@ class BrakeNumbers:
     surface: str = ""
 
     @cached_property
-    def tables(self) -> tuple[Braking, ...]:
-        """The surface, and the states in which it may be, as promised at the quantile."""
-        b = promised(self.model, self.survive.quantile).braking
-        return tuple(map(b.on, (self.surface, *b.states_of(self.surface))))
-
-    @cached_property
-    def _margins(self) -> tuple[tuple[Braking, Floats], ...]:
-        """Tables with the (4, 4) matrix of their margin, which each speed and grade needs."""
-        return tuple((table, self.survive.force_matrix(table)) for table in self.tables)
-
-    @cached_property
     def cautious(self) -> Model:
         """The model with its effects at the ends where stops are longer."""
         return self.survive.cautious(self.model)
+
+    @cached_property
+    def table(self) -> Braking:
+        """The surface as promised at the quantile."""
+        return self.cautious.braking.on(self.surface)
 
     @cached_property
     def yaw(self) -> float:
         """Heading on which effects make stops longest [rad]; 0 without effects."""
         if not self.model.effect:
             return 0.0
-        table = self.tables[0]
-        speed, grade = table.speed_range[1], table.grade_range[0]
+        speed, grade = self.table.speed_range[1], self.table.grade_range[0]
         headings = np.linspace(-np.pi, np.pi, _HEADINGS, endpoint=False).tolist()
         return float(max(headings, key=lambda yaw: self._allowed(speed, grade, yaw)))
 
     @cached_property
+    def _level(self) -> BrakingGround:
+        return self._ground(np.zeros(1), 0.0)
+
+    @property
     def dead_time(self) -> float:
         """Dead time at the quantile [s]."""
-        return max(self.survive.dead_time(table) for table in self.tables)
+        return float(self._level.dead_time.max())
 
-    @cached_property
+    @property
     def offset(self) -> float:
         """Safety offset in each allowed distance [m]."""
-        return max(table.distance_offset for table in self.tables)
+        return float(self._level.distance_offset.max())
 
-    @cached_property
+    @property
     def friction(self) -> float:
         """Lower end of the friction that caps the force [1]; inf where it is not known."""
-        known = [t.sliding_friction for t in self.tables if t.sliding_friction is not None]
-        for effect in self.model.effect:
-            if registry.law_of(effect).enters is Enters.CAP:
-                ((name, mu),) = registry.validate(effect).items()
-                known.append(max(mu - self.survive.margin_of(effect, name), 0.0))
-        return min(known, default=math.inf)
+        friction = self._level.friction
+        return math.inf if friction is None else float(friction.min())
 
     def mean_force(self, speed: float, grade: float) -> float:
         """F_b/W by the mean of the model, for an onset speed [m/s] and a grade [rad]."""
-        table = self.tables[0]
-        motion = registry.motion(self.model.effect, table.sliding_friction)
-        force = force_law(self.model, table, speed)(_place(grade, 0.0))
+        motion = registry.motion(self.model.effect, self.table.sliding_friction)
+        force = force_law(self.model, self.table, speed)(_place(grade, 0.0))
         return min(force, motion.friction * math.cos(grade))
 
     def least_force(self, speed: float, grade: float) -> float:  # words: ok (JSON key)
         """Lower bound of F_b/W at the quantile, as :meth:`mean_force`."""
-        return self._lower_force(speed, grade, self.yaw)
+        return float(self._lower_force(speed, np.array([grade]), self.yaw)[0])
 
     def mean_distance(self, speed: float, grade: float) -> float:
         """Stop by the mean of the model, without safety offset [m]; inf without a stop."""
@@ -148,41 +140,28 @@ class BrakeNumbers:
 
     def holds(self, sign: float) -> SteepestSlope:
         """Steepest slope, uphill (+1) or downhill (−1), on which brakes and friction hold."""
-        slow = self.tables[0].speed_range[0]
-        return self._steepest(
-            lambda grade: min(
-                brakes_hold(self.least_force(slow, sign * grade), grade),
-                self.friction * math.cos(grade) - math.sin(grade),
-            ),
-            sign,
-        )
+        force = self._lower_force(self.table.speed_range[0], sign * _SLOPES, self.yaw)
+        by_friction = friction_holds(self.friction, _SLOPES, 0.0)
+        return self._steepest(np.minimum(brakes_hold(force, _SLOPES), by_friction), sign)
 
     def stops(self, sign: float) -> SteepestSlope:
         """Steepest slope, up (+1) or down (−1), on which stops from all trained speeds end."""
-        ends = self.tables[0].speed_range
-        return self._steepest(
-            lambda grade: (
-                min(self.least_force(v, sign * grade) for v in ends)
-                + math.sin(sign * grade)
-                - HOLDING
-            ),
-            sign,
-        )
+        grades, ends = sign * _SLOPES, self.table.speed_range
+        force = np.minimum(*(self._lower_force(v, grades, self.yaw) for v in ends))
+        return self._steepest(force + np.sin(grades) - HOLDING, sign)
 
     def least_rear_load(self) -> float:  # words: ok (JSON key)
         """Rear load of a full stop on the steepest trained descent, a share of the level one [1].
 
         With the brakes as strong as they may be at the quantile.
         """
-        v, grade = self.model.vehicle, self.tables[0].grade_range[0]
-        margin = sum(self.survive.ground_margin(e) for e in self.model.effect)
-        strongest = max(
-            force_law(self.model, table, speed)(_place(grade, self.yaw))
-            + self._force_margin(table, matrix, speed, grade)
-            + margin
-            for table, matrix in self._margins
-            for speed in self.tables[0].speed_range
+        v, (slow, fast) = self.model.vehicle, self.table.speed_range
+        grade = self.table.grade_range[0]
+        ground = self._ground(np.array([grade]), self.yaw)
+        forces = (
+            ground.upper_slope[0] * speed + ground.upper_intercept[0] for speed in (slow, fast)
         )
+        strongest = float(np.maximum(*forces)[0])
         return float(rear_share_under_braking(grade, 0.0, strongest, v.wheelbase, v.cg_x, v.cg_z))
 
     def distance_table(self, speeds: Floats, grades: Floats) -> DistanceTable:
@@ -200,83 +179,69 @@ class BrakeNumbers:
     @cached_property
     def sheet_table(self) -> DistanceTable:
         """Distances between both ends of the trained speeds and grades, at round values."""
-        table = self.tables[0]
+        table = self.table
         low, high = np.rad2deg(table.grade_range)
         speeds = round_values(*table.speed_range, (0.25, 0.5, 1.0, 2.0, 5.0), 6)
         grades = round_values(low, high, (1.0, 2.5, 5.0, 10.0), 9)
         return self.distance_table(speeds, np.deg2rad(grades))
 
-    def _steepest(self, margin: Callable[[float], float], sign: float) -> SteepestSlope:
-        slopes = np.arange(0.0, _MAX_GRADE + _GRADE_STEP, _GRADE_STEP)
-        failing = (float(slope) for slope in slopes if margin(float(slope)) < 0.0)
-        law = max(next(failing, float(slopes[-1]) + _GRADE_STEP) - _GRADE_STEP, 0.0)
-        low, high = self.tables[0].grade_range
+    def _steepest(self, margin: Floats, sign: float) -> SteepestSlope:
+        """Steepest of all slopes up to the first where the margin is negative."""
+        failing = np.flatnonzero(margin < 0.0)
+        law = float(_SLOPES[max(failing[0] - 1, 0) if len(failing) else -1])
+        low, high = self.table.grade_range
         return SteepestSlope(law, min(law, max(high if sign > 0.0 else -low, 0.0)))
 
     def _allowed(self, speed: float, grade: float, yaw: float) -> float:
         begin = speed + self._onset_speed_margin(grade)
-        force = self._lower_force(begin, grade, yaw)
-        braked = max(
-            _braked_distance(self.cautious, table, force, begin, grade, yaw)
-            for table in self.tables
-        )
+        force = float(self._lower_force(begin, np.array([grade]), yaw)[0])
+        braked = _braked_distance(self.cautious, self.table, force, begin, grade, yaw)
         return begin * self.dead_time + braked + self.offset
 
     def _onset_speed_margin(self, grade: float) -> float:
         """Speed error, and gain on a descent with the drive cut in the dead time [m/s]."""
-        brakes = self.model.braking
-        gain = 0.0
-        if brakes.drive_in_dead_time != "held":
-            pull = -math.sin(grade) - self.model.terrain.rolling_while_braking
-            gain = GRAVITY * max(pull, 0.0) * self.dead_time
-        return self.survive.width * brakes.speed_error + gain
+        errors = self._level.errors
+        pull = -math.sin(grade) - self.model.terrain.rolling_while_braking
+        gain = GRAVITY * max(pull, 0.0) * self.dead_time if errors.drive_cut else 0.0
+        return errors.speed + gain
 
-    def _lower_force(self, speed: float, grade: float, yaw: float) -> float:
-        """Force that plans rely on: over all states, with margins, capped by friction."""
-        tables = self.tables
-        lines = [self._force_line(table, grade, yaw) for table in tables]
-        slope, intercept = min(s for s, _ in lines), min(i for _, i in lines)
-        slowest = (min if slope > 0.0 else max)(t.speed_range[0] for t in tables)
-        onset = max(speed, slowest)
-        fastest = max(min(t.speed_range[1] for t in tables), onset)
-        # The margin is convex in the onset speed: its chord over the trained speeds is above it.
-        low, high = (
-            max(self._force_margin(*each, v, grade) for each in self._margins)
-            for v in (slowest, fastest)
-        )
-        per_speed = (high - low) / max(fastest - slowest, 1e-9)
-        margin = sum(self.survive.ground_margin(e) for e in self.model.effect)
+    def _lower_force(self, speed: float, grades: Floats, yaw: float) -> Floats:
+        """Force that plans count on from an onset speed, at grades (M,) [1]."""
+        ground = self._ground(grades, yaw)
+        onset = np.maximum(speed, ground.slowest[0])
+        return np.asarray(ground.lower_slope[0] * onset + ground.lower_intercept[0])
 
-        def force(v: float) -> float:
-            return slope * v + intercept - low - per_speed * (v - slowest) - margin
+    def _ground(self, grades: Floats, yaw: float) -> BrakingGround:
+        """Braking on planes of grades (M,), as plans have it at the quantile."""
+        planes = _planes(grades, yaw)
+        ground = ground_along(planes, self.cautious, (self.surface,), uncertainty=self.survive)
+        clear = np.full(len(grades), np.inf)
+        return speed_bounds(planes, ground, self.cautious, clear).ground
 
-        # Sliding at some trained speed, the force is that of the weakest one, as plans have it.
-        ends, cap = (force(slowest), force(fastest)), self._force_cap(grade)
-        return min(*ends, cap) if max(ends) > cap else force(onset)
 
-    def _force_line(self, table: Braking, grade: float, yaw: float) -> tuple[float, float]:
-        """Slope [s/m] and intercept [1] of F_b/W over the onset speed, effects included."""
-        slow, fast = table.speed_range
-        low, high = (force_law(self.cautious, table, v)(_place(grade, yaw)) for v in (slow, fast))
-        slope = (high - low) / (fast - slow)
-        return slope, low - slope * slow
-
-    def _force_cap(self, grade: float) -> float:
-        """F_b/W at which the first axle locks [1]."""
-        if not math.isfinite(self.friction):
-            return math.inf
-        v, cap = self.model.vehicle, float(friction_cap(grade, 0.0, self.friction))
-        if v.brake_share is None:
-            return cap
-        sizes = v.brake_share, self.friction, v.wheelbase, v.cg_x, v.cg_z
-        return min(cap, *map(float, lockup_force_ratios(grade, 0.0, *sizes)))
-
-    def _force_margin(self, table: Braking, matrix: Floats, speed: float, grade: float) -> float:
-        """Margin of F_b/W by the coefficients at the quantile [1]."""
-        speed = max(speed, table.speed_range[0])
-        phi = np.array([speed * grade, grade, speed, 1.0])  # a row of `design`
-        scale = registry.force_scale(self.model.effect)
-        return scale * math.sqrt(float(phi @ matrix @ phi))
+def _planes(grades: Floats, yaw: float) -> TerrainProfile:
+    """Straight paths up planes of grades (M,), all of one heading [rad]: two stations each."""
+    zero = np.zeros((2, len(grades)))
+    grade, ahead, left = grades + zero, math.cos(yaw) + zero, math.sin(yaw) + zero
+    return TerrainProfile(
+        count=np.full(len(grades), len(zero)),
+        x=zero,
+        y=zero,
+        z=zero,
+        station=zero + np.arange(2.0)[:, None],
+        heading_x=ahead,
+        heading_y=left,
+        curvature=zero,
+        grade=grade,
+        sin_grade=np.sin(grade),
+        sin_roll=zero,
+        vertical_curvature=zero,
+        known=zero == 0.0,
+        surfaces=np.ones(zero.shape, np.int64),
+        twist=zero.astype(np.float32),
+        front=np.zeros((2, *zero.shape), np.float32),
+        body=BodyRows(zero, zero, ahead, left),
+    )
 
 
 def _place(grade: float, yaw: float) -> dict[str, float]:

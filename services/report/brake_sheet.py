@@ -149,7 +149,7 @@ def unsafe_rule_warning(numbers: BrakeNumbers) -> str:
 def brake_rows(numbers: BrakeNumbers) -> dict[str, str]:
     """Brakes on level ground: name -> value."""
     model, top = numbers.model, float(numbers.sheet_table.speeds[-1])
-    b = numbers.tables[0]
+    b = numbers.table
 
     def ratio(speed: float) -> str:
         mean, lower = numbers.mean_force(speed, 0.0), numbers.least_force(speed, 0.0)
@@ -189,7 +189,7 @@ def _other_surfaces(numbers: BrakeNumbers, speed: float) -> dict[str, str]:
 
 def slope_rows(numbers: BrakeNumbers) -> dict[str, str]:
     """Brakes on slopes, and the ranges of the training: name -> value."""
-    b = numbers.tables[0]
+    b = numbers.table
     slow, fast = b.speed_range
     low, high = b.grade_range
 
