@@ -41,7 +41,6 @@ _WIDTH = 150  # columns of the widest table
 
 
 def benchmark(name: str) -> Any:
-    """Import the module of a benchmark."""
     return import_module(f".{BENCHMARKS[name][0]}", __package__)
 
 

@@ -90,8 +90,6 @@ class DrivenScene:
 
 
 class _Loop:
-    """State of one drive."""
-
     def __init__(
         self, terrain: PhysicsGround, route: Route, course: Course, policy: Policy, seed: int
     ) -> None:

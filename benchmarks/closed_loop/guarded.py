@@ -93,7 +93,6 @@ def drive(number: int, model: Model, dem: Path | None) -> tuple[DrivenScene, Cou
 
 
 def summary(drives: list[tuple[DrivenScene, Counter[str]]]) -> dict[str, Any]:
-    """Figures of all drives."""
     scenes = [scene for scene, _ in drives]
     return {
         "drives": len(scenes),
@@ -109,7 +108,6 @@ def summary(drives: list[tuple[DrivenScene, Counter[str]]]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Drive, and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=300)
     count = parser.parse_args().drives

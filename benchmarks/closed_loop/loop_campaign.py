@@ -148,7 +148,6 @@ def targets(results: dict[str, Result], policy: str, perfect: str) -> list[Resul
 
 
 def show(result: Result, console: Console) -> None:
-    """Print the table of all policies, then the targets."""
     by_policy = table_of(f"closed loop: {result['ground']}", *COLUMNS, first="policy")
     for name, row in result["policies"].items():
         by_policy.add_row(name, *(form.format(row[key]) for key, form in COLUMNS.values()))

@@ -44,7 +44,6 @@ class BenchmarkRequest:
 
 
 def no_progress(_title: str, _total: int) -> Callable[[int], Any]:
-    """Report progress nowhere."""
     return lambda _: None
 
 

@@ -126,7 +126,6 @@ def machine() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """Name of the processor."""
     file = Path("/proc/cpuinfo")
     lines = file.read_text().splitlines() if file.is_file() else []
     names = (line.partition(": ")[2] for line in lines if line.startswith("model name"))

@@ -81,12 +81,10 @@ class BlindRun:
         self.close()
 
     def close(self) -> None:
-        """End the process."""
         self.pool.shutdown()
         self._folder.cleanup()
 
     def investigate(self, log: SealedLog) -> Finding:
-        """Investigate one log in the process."""
         return self.pool.submit(investigate_log, log).result()
 
 

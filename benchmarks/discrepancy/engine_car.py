@@ -70,7 +70,6 @@ class EngineCar:
 
     @property
     def table(self) -> dict[str, float | str]:
-        """Vehicle table of the model file."""
         cg_x = (0.5 + self.ahead) * self.wheelbase
         sizes = (self.wheelbase, self.track, cg_x, self.height, self.radius)
         return world_logs.vehicle_table(self.mass, *sizes)
@@ -309,7 +308,6 @@ class _Stop:
 
 
 def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
-    """One log: clean, drift, single, pair or outside."""
     rng = np.random.default_rng((53, seed))
     car = draw_car(rng)
     if "wheel_lockup" in label and not car.sensor:
@@ -319,5 +317,4 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:
-    """Kind, label and seed of a round of logs."""
     return world_changes.requests_of(59 + 1000 * seed, 10, 3, tuple(world_changes.OUTSIDE))

@@ -47,7 +47,6 @@ class Identifiability:
 
     @property
     def is_detectable(self) -> bool:
-        """Whether the effect can be detected."""
         return self.gap >= DETECTABLE_CHI2
 
     @property

@@ -84,7 +84,6 @@ def sampled_late(stops: Stops, rng: np.random.Generator) -> Stops:
 
 
 def draw_set(spec: SetSpec, rng: np.random.Generator, c: SetConditions) -> HiddenSet:
-    """Draw one set."""
     design, scatter = str(rng.choice(c.designs)), float(rng.choice(c.scatters))
     count, noise = int(rng.choice(c.counts)), float(rng.choice(c.noises))
     # m_m, b_m, m_b, b_b, dead time
@@ -129,12 +128,10 @@ _CONDITIONS = SetConditions(
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:
-    """Kind, label and seed of a round of logs."""
     return world_changes.requests_of(41 + 1000 * seed, 10, 3, tuple(OUTSIDE))
 
 
 def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
-    """One log: clean, drift, single, pair or outside."""
     rng = np.random.default_rng((43, seed))
     names = tuple(label.split("+")) if kind in ("single", "pair") else ()
     size = str(rng.choice(["medium", "large"])) if names else ""

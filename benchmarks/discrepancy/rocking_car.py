@@ -94,7 +94,6 @@ def _received(car: RockingCar, v: Floats, pitch_rate: Floats) -> Floats:
 
 
 def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
-    """One log: clean, drift, single, pair or outside."""
     rng = np.random.default_rng((61, seed))
     car = draw_car(rng)
     if "wheel_lockup" in label and car.counts:
@@ -104,6 +103,5 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:
-    """Kind, label and seed of a round of logs."""
     outside = (*world_changes.OUTSIDE, "battery", "heading")
     return world_changes.requests_of(67 + 1000 * seed, 12, 4, outside)

@@ -73,7 +73,6 @@ class RockingCar:
 
     @property
     def table(self) -> dict[str, float | str]:
-        """Vehicle table of the model file."""
         track, cg_x = 0.7 * self.wheelbase, self.rear * self.wheelbase
         sizes = (self.wheelbase, track, cg_x, self.height, self.radius)
         return vehicle_table(self.mass, *sizes)

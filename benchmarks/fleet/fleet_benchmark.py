@@ -230,7 +230,6 @@ def _digest(folder: Path) -> str:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print the table."""
     table = table_of("Fleet", "measured", first="what")
     memory, killed = result["memory"], result["killed"]
     largest, second, last = (

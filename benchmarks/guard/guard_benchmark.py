@@ -47,7 +47,6 @@ def run(request: BenchmarkRequest, progress: Progress, first: int = 0) -> Result
 
 
 def summary(drives: list[GuardedDrive]) -> Result:
-    """Figures of the drives of one kind."""
     actions: Counter[str] = sum((Counter(d.actions) for d in drives), Counter())
     seconds = np.concatenate([d.decision_seconds for d in drives])
     return {
@@ -68,7 +67,6 @@ def summary(drives: list[GuardedDrive]) -> Result:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print the tables."""
     counts = ("drives", "collisions", "touches", "tipped", "slid")
     sizes = ("min_load", "grip", "metres", "turns", "top_speed")
     titles = (*counts, "least load", "grip used", "metres", "turns", "m/s", "pass", "slow", "stop")

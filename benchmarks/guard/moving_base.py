@@ -84,7 +84,6 @@ class MovingBase:
     deceleration: float = field(default=0.0, init=False)  # of the last step, along the motion
 
     def receive(self, speed: float, yaw_rate: float, brake: bool, now: float) -> None:
-        """Take a command over."""
         if abs(speed) > _MIN_SPEED:
             speed += math.copysign(self.speed_bias, speed)
         self.command = speed, yaw_rate
@@ -98,7 +97,6 @@ class MovingBase:
         return self.yaw_rate / self.speed if abs(self.speed) > _MIN_SPEED else math.inf
 
     def step(self, now: float, seconds: float) -> None:
-        """Move for a time."""
         before = abs(self.speed)
         if self.braking_since is None:
             self._follow(seconds)

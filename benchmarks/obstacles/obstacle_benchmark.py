@@ -25,7 +25,6 @@ _SEED = 23  # of the cases
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
-    """Plan over all cases."""
     count = QUICK_CASES if request.quick else CASES
     models = {name: shipped(name) for name in VEHICLES}
     drawn_cases = tracked(progress, "obstacles", list(cases(count, models, _SEED)))
@@ -46,7 +45,6 @@ class PlannedOutcome(NamedTuple):
 
 
 def outcomes(cases: Iterable[ObstacleCase], models: Mapping[str, Model]) -> list[PlannedOutcome]:
-    """Plan over all cases."""
     results = []
     for case in cases:
         model = models[case.vehicle]
@@ -88,7 +86,6 @@ def _row(results: list[PlannedOutcome]) -> Result:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print the table."""
     planned = result["planned"]
     titles = ("cases", "too large", "of these passed", "small", "of these blocked")
     keys = ("cases", "too_large", "passed_though_too_large", "small", "barred_though_small")

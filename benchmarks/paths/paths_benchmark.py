@@ -116,7 +116,6 @@ def plane(slope_x: float, slope_y: float, cell: float, points: Floats) -> Elevat
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
-    """Plan and drive paths of all kinds."""
     count = _QUICK if request.quick else COUNT
     rows = []
     for kind in KINDS:
@@ -152,5 +151,4 @@ def summary(kind: str, outcomes: list[Outcome]) -> Result:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print a row for each kind."""
     print_rows(console, "given paths", result["kinds"])

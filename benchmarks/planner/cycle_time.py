@@ -123,7 +123,6 @@ class TimingTally:
     fewer: int = 0
 
     def add(self, seconds: float, processor: float, answer: CycleAnswer) -> None:
-        """Count one cycle."""
         self.seconds.append(seconds)
         self.processor.append(processor)
         self.stages.update(answer.seconds)
@@ -133,7 +132,6 @@ class TimingTally:
         self.fewer += late or len(answer.plans) < possible
 
     def result(self, name: str, metres: float) -> Result:
-        """Figures as plain data."""
         cycles = len(self.seconds)
         p50, p99 = np.percentile(self.seconds, (50, 99)).tolist()
         processor_p50, processor_p99 = np.percentile(self.processor, (50, 99)).tolist()
@@ -211,7 +209,6 @@ def _warm_drive() -> HorizonDrive:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print the table and the memory."""
     runs, targets = result["runs"], result["wanted"]
     problem = result["problem"]
     table = table_of(

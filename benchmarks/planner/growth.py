@@ -65,7 +65,6 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print the table of exponents."""
     title = "Growth of the cost: least processor times, one thread"
     table = table_of(title, "from … to", "time", "exponent")
     for row in result["growth"]:

@@ -86,7 +86,6 @@ def _targets(result: Result) -> list[Result]:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print all tables, the targets last."""
     title = "The time-optimal problem, one candidate (N = {stations})"
     console.print(_batch_table(result))
     console.print(_solver_table(title.format(**result["problem"]), result["single"]))

@@ -105,7 +105,6 @@ def _figures(times: np.ndarray) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--requests", type=int, default=500)
     parser.add_argument("--candidates", type=int, default=20)

@@ -234,7 +234,6 @@ def drives(hazard: str, level: float, model: Model, scenes: int, rng: Random) ->
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
-    """Drive all vehicles past all hazards at all levels."""
     rng, rows = np.random.default_rng(_SEED), []
     scenes, models = 2 if request.quick else _SCENES, vehicles()
     for case in tracked(progress, "drives", list(product(LEVELS, models, HAZARDS))):

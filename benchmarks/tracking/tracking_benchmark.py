@@ -214,6 +214,5 @@ def batch_rows(model: Model, repetitions: int) -> list[Result]:
 
 
 def show(result: Result, console: Console) -> None:
-    """Print a table of each part."""
     for title in ("arcs", "passes", "open ground", "batch"):
         print_rows(console, title, result[title])

@@ -32,7 +32,6 @@ def source_of(logs: Sequence[Path], parent: Path, day: str) -> str:
 
 
 def findings_as_json(f: Findings) -> dict[str, Any]:
-    """Content of discrepancy.json."""
     return {
         "verdict": f.verdict.value,
         "summary": f.summary,

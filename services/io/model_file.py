@@ -25,7 +25,6 @@ _MAX_SURFACES = MAX_CLASSES - 1  # one class of a map is the base
 
 
 def read_model(path: Path) -> Model:
-    """The model in a TOML file."""
     return model_from_dict(read_toml(path), str(path))
 
 

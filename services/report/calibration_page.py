@@ -51,7 +51,6 @@ def write_calibration_page(path: Path, result: CalibrateResult, facts: Mapping[s
 
 
 def write_rejected_log(path: Path, rejected: RejectedLogError, facts: Mapping[str, str]) -> None:
-    """Write the page of a rejected log, all or nothing."""
     run, t = rejected.log.columns["run"], rejected.log.columns["t"]
     values = {
         "title": "Brakes that were not learned",

@@ -18,7 +18,6 @@ MAX_ROWS = 50
 
 
 def asset(name: str) -> str:
-    """Text of a file that comes with this package."""
     folder = resources.files("slopewise.services.report") / "assets"
     return (folder / name).read_text(encoding="utf-8")
 

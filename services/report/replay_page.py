@@ -42,7 +42,6 @@ def write_replay_page(
 
 
 def verdict(summary: ReplaySummary) -> str:
-    """One sentence on a replayed drive."""
     p99 = 1e3 * summary.latency["p99"]
     return (
         f"Plans took {1e3 * summary.latency['median']:.1f} ms in the median, {p99:.1f} ms at 99 %; "
