@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from slopewise.models.arrays import Floats
 from slopewise.models.errors import InputError
 from slopewise.models.laws import braking
-from slopewise.models.parameters import Braking, Model
+from slopewise.models.laws.wheel_lockup import friction_cap
+from slopewise.models.parameters import Model
+from slopewise.models.stops.simulation import force_law
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.jobs.summary import Summary
 
@@ -70,22 +72,24 @@ def _flat(value: Any, where: str = "") -> Iterator[tuple[str, Any]]:
 def _stops(first: Model, second: Model) -> Iterator[StopChange]:
     """Changes on the base and on every surface that either file names, without effects."""
     for name in dict.fromkeys(("", *first.braking.terrain, *second.braking.terrain)):
-        old, new = first.braking.on(name), second.braking.on(name)
-        speed, grade = np.meshgrid(
-            np.linspace(*old.speed_range, _STEPS), np.linspace(*old.grade_range, _STEPS)
+        old = first.braking.on(name)
+        speeds, grades = (np.linspace(*ends, _STEPS) for ends in (old.speed_range, old.grade_range))
+        before, after = (
+            np.array([[_distance(model, name, v, grade) for v in speeds] for grade in grades])
+            for model in (first, second)
         )
-        change = _distances(new, speed, grade) - _distances(old, speed, grade)
-        change = change[np.isfinite(change)]
+        change = (after - before)[np.isfinite(before) & np.isfinite(after)]
         if change.size:
             yield StopChange(name or "base", float(change.min()), float(change.max()))
 
 
-def _distances(on: Braking, speed: Floats, grade: Floats) -> Floats:
-    """Stopping distances at speeds [m/s] and grades [rad] [m]; inf where the brakes do not stop."""
-    force = braking.force_ratio(grade, speed, *on.coefficients)
-    deceleration = np.asarray(braking.deceleration(force, grade))
-    is_held = deceleration > 0.0
-    distance = braking.stopping_distance(
-        speed, np.where(is_held, deceleration, 1.0), on.dead_time, on.distance_offset
-    )
-    return np.where(is_held, distance, math.inf)
+def _distance(model: Model, surface: str, speed: float, grade: float) -> float:
+    """Stopping distance from a speed [m/s] on a grade [rad] [m]; inf where no brakes stop."""
+    on = model.braking.on(surface)
+    force = force_law(replace(model, effect=()), on, speed)({"grade": grade})
+    if on.sliding_friction is not None:
+        force = min(force, float(friction_cap(grade, 0.0, on.sliding_friction)))
+    deceleration = float(braking.deceleration(force, grade))
+    if deceleration <= 0.0:
+        return math.inf
+    return float(braking.stopping_distance(speed, deceleration, on.dead_time, on.distance_offset))

@@ -160,3 +160,6 @@ def test_stops_shorter_than_by_the_file_are_reported_by_params_diff(world: Path)
     assert data["stops"][0]["least"] < data["stops"][0]["most"] < 0.0
     assert "plans get faster" in here("params", "diff", "atv.toml", "b.toml").stdout
     assert "no difference" in here("params", "diff", "atv.toml", "atv.toml").stdout
+    for weaker in ({"level": 0.5}, {"sliding_friction": 0.25}):
+        write_model(replace(base, braking=replace(base.braking, **weaker)), world / "b.toml")
+        assert "stops on base: +" in here("params", "diff", "atv.toml", "b.toml").stdout
