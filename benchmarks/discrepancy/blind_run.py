@@ -45,7 +45,7 @@ class Finding:
     """Result of the workflow on one log."""
 
     verdict: str  # one word, ``fault`` if the workflow failed
-    # [{name, parameters: {name: (value, std)}, confidence, alternatives}]
+    # [{name, parameters: {name: (value, std)}, confidence}]
     effects: tuple[dict[str, Any], ...] = ()
     located: tuple[tuple[str, float], ...] = ()  # [(axis, p value)], the strongest first
     braking: dict[str, float] | None = None  # coefficients and dead time of the model to plan with
@@ -115,7 +115,6 @@ def investigate_log(log: SealedLog) -> Finding:
             "name": effect.name,
             "parameters": {k: (p.value, p.std) for k, p in effect.parameters.items()},
             "confidence": effect.confidence,
-            "alternatives": list(effect.alternatives),
         }
         for effect in report.effects
     )

@@ -313,7 +313,7 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     if "wheel_lockup" in label and not car.sensor:
         car = replace(car, sensor=0.5 * car.height)  # wheels that slide show no speed
     earlier = np.random.default_rng((54, seed))
-    return world_logs.car_log(("engine", kind, label, seed), car, drive, 0.04, rng, earlier)
+    return world_logs.car_log(kind, label, car, drive, 0.04, rng, earlier)
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:

@@ -41,9 +41,7 @@ class Identifiability:
     """Expected χ² of a set."""
 
     gap: float  # truth against the refitted base
-    nearest: str  # name of the best alternative
-    # truth against that alternative, refitted
-    apart: float  # words: ok
+    apart: float  # words: ok (truth against the best alternative, refitted)
 
     @property
     def is_detectable(self) -> bool:
@@ -55,7 +53,7 @@ class Identifiability:
         return self.is_detectable and self.apart >= DISTINCT_CHI2
 
 
-NOT_IDENTIFIABLE = Identifiability(0.0, "", 0.0)
+NOT_IDENTIFIABLE = Identifiability(0.0, 0.0)
 """Of a set whose effect changes no stop: χ² of 0, no alternative."""
 
 
@@ -73,17 +71,17 @@ def identifiability(
     fitted, residual = fit.refit(base)
     gap = float(residual @ residual)
     if gap < DETECTABLE_CHI2:
-        return Identifiability(gap, "", 0.0)
+        return Identifiability(gap, 0.0)
     if len(names) == 1:
-        return Identifiability(gap, *_nearest(fit, fitted, residual, {}, names))
+        return Identifiability(gap, _nearest(fit, fitted, residual, {}, names))
     # Of several, each may be alone, or be accompanied by a wrong one.
-    best = ("", gap)
+    apart = gap
     for name in names:
         start = fitted._replace(**{key: getattr(truth, key) for key in FIELDS[name].values()})
         alone, left = fit.refit(start, FREE[name])
-        options = [(name, float(left @ left)), _nearest(fit, alone, left, FREE[name], names)]
-        best = min((best, *options), key=lambda option: option[1])
-    return Identifiability(gap, *best)
+        accompanied = _nearest(fit, alone, left, FREE[name], names)
+        apart = min(apart, float(left @ left), accompanied)
+    return Identifiability(gap, apart)
 
 
 def _nearest(
@@ -92,8 +90,8 @@ def _nearest(
     residual: Floats,
     free: Mapping[str, float],
     names: Sequence[str],
-) -> tuple[str, float]:
-    """Nearest alternative in addition to the fitted effects, and its remaining χ²."""
+) -> float:
+    """χ² that the nearest alternative leaves, in addition to the fitted effects."""
     tangents = fit.tangents(fitted, _BASE | dict(free))
     alternatives = []
     doses = small_doses(fitted, fit.stops)
@@ -104,14 +102,13 @@ def _nearest(
         start = None if number < 0 else amplified(name, doses[name][number], factor)
         alternatives.append((left, name, start))
     alternatives.sort(key=lambda alternative: alternative[0])
-    nearest, chi2 = alternatives[0][1], alternatives[0][0]
+    smallest = alternatives[0][0]
     # Doses are small and effects are not: the nearest ones are fitted.
     for _, name, start in alternatives[:_FITTED_ALTERNATIVES]:
         if start is not None:
             unexplained = fit.refit(fitted._replace(**start), FREE[name] | dict(free))[1]
-            if unexplained @ unexplained < chi2:
-                nearest, chi2 = name, float(unexplained @ unexplained)
-    return nearest, chi2
+            smallest = min(smallest, float(unexplained @ unexplained))
+    return smallest
 
 
 class WeightedStops:

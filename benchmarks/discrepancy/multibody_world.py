@@ -81,8 +81,7 @@ def make(kind: str, label: str, seed: int) -> WorldLog:
     nature = draw_nature(label, strength, stops, rng)
     columns = sensing.log(drive(nature, stops), stops, noise, rng)
     tables = tables_of(calibrated(nature.assist), car_table())
-    truth = CAR_NAMES.get(label, ())
-    return WorldLog("multibody", kind, label or kind, seed, truth, (), columns, tables)
+    return WorldLog(kind, CAR_NAMES.get(label, ()), (), columns, tables)
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:

@@ -153,7 +153,7 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     # An earlier calibration took the vehicle's own build-up and filter for dead time.
     delay = filtered + (0.0 if "brake_lag" in names else physics.lag)
     known = hidden.configured | {"dead_time": hidden.configured["dead_time"] + delay}
-    measured = (("plant", kind, label, seed), extra, late, motion, hidden.noise)
+    measured = (kind, label, extra, late, motion, hidden.noise)
     log = world_logs.world_log(*measured, tables_of(known), rng)
     if label == "battery":
         del log.columns["ambient"]

@@ -99,7 +99,7 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     if "wheel_lockup" in label and car.counts:
         car = replace(car, counts=0)  # wheels that slide show no speed
     earlier = np.random.default_rng((62, seed))
-    return world_logs.car_log(("rocking", kind, label, seed), car, drive, 0.03, rng, earlier)
+    return world_logs.car_log(kind, label, car, drive, 0.03, rng, earlier)
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:

@@ -24,10 +24,7 @@ BEFORE, LONGEST = 1.2, 12.0  # sampled before and after each command [s]
 class WorldLog:
     """One log with its truth."""
 
-    family: str  # name of the world
     kind: str  # clean, drift, single, pair or outside
-    label: str  # name of the change; the kind if the log has no change
-    seed: int  # of everything drawn
     truth: tuple[tuple[str, ...], ...]  # alternatives of right names
     axes: tuple[str, ...]  # right axes of a change without a name
     columns: sensing.Columns  # drive log
@@ -67,7 +64,8 @@ def calibration_of(
 
 
 def car_log(
-    request: tuple[str, str, str, int],
+    kind: str,
+    label: str,
     car: Any,
     drive: Callable[..., DrivenStops],
     max_noise: float,
@@ -75,11 +73,11 @@ def car_log(
     earlier: np.random.Generator,
 ) -> WorldLog:
     """One log of a car with its changes; the model file is that of an earlier log without them."""
-    scene = world_changes.draw_scene(*request[1:3], car.force, rng)
+    scene = world_changes.draw_scene(kind, label, car.force, rng)
     motion = drive(car, scene.changes, scene.stops)
     tables = tables_of(calibration_of(drive, car, scene.changes.eager, earlier), car.table)
     noise = float(rng.uniform(_NOISE[0], max_noise))
-    return world_log(request, scene.extra, scene.stops, motion, noise, tables, rng)
+    return world_log(kind, label, scene.extra, scene.stops, motion, noise, tables, rng)
 
 
 def vehicle_table(
@@ -101,7 +99,8 @@ def vehicle_table(
 
 
 def world_log(
-    request: tuple[str, str, str, int],
+    kind: str,
+    label: str,
     extra: dict[str, Floats],
     stops: Stops,
     motion: DrivenStops,
@@ -110,7 +109,6 @@ def world_log(
     rng: np.random.Generator,
 ) -> WorldLog:
     """Columns with this noise of the speed [m/s] and further ones by run, model file, truth."""
-    family, kind, label, seed = request
     columns = sensing.log(motion, stops, noise, rng)
     run = columns["run"].astype(np.int64)
     columns |= {name: values[run] for name, values in extra.items()}
@@ -125,4 +123,4 @@ def world_log(
     truth = tuple(tuple(n for part in parts for n in part) for parts in product(*either))
     axes = OUTSIDE.get(label, ()) if kind == "outside" else ()
     truth = truth if names else ()
-    return WorldLog(family, kind, label or kind, seed, truth, axes, columns, tables)
+    return WorldLog(kind, truth, axes, columns, tables)

@@ -39,7 +39,6 @@ class Drive(NamedTuple):
     rollover: float  # of the load that may leave a side [1]
     friction: float  # of the ground's friction [1]
     stopping: float  # of the distance to the plan's end [1]
-    place: tuple[float, float]  # (x, y) where the first of them is largest [m]
 
     def beyond(self, *, counts_lateral: bool) -> bool:
         """Return True if a limit is exceeded; a pursuer swings beyond the curvature of any line."""
@@ -165,9 +164,7 @@ def _felt(
     # The last place of the line that may be reached is as far behind its end as in the plan.
     left = end - line.arc + max(plan.clear_distance - plan.progress, 0.0) + _PLACE_ERROR
     stopping = np.where(line.speed > 0.05, line.stop / np.maximum(left, 1e-6), 0.0)
-    k, shares = int(np.argmax(lateral)), (lateral, rollover, friction, stopping)
-    place = (float(line.x[k]), float(line.y[k]))
-    return Drive._make([*(float(share.max()) for share in shares), place])
+    return Drive(*(float(share.max()) for share in (lateral, rollover, friction, stopping)))
 
 
 def pursue(
@@ -205,7 +202,7 @@ def pursue(
         x, y = x + np.cos(pointing) * speed * dt, y + np.sin(pointing) * speed * dt
         rows.append((i, speed, curvature, pointing))
     if not rows:
-        return Drive(0.0, 0.0, 0.0, 0.0, (float(line.x[0]), float(line.y[0])))
+        return Drive(0.0, 0.0, 0.0, 0.0)
     at, speeds, turns, headings = (np.array(part) for part in zip(*rows, strict=True))
     driven = Places(*(part[at] for part in line))._replace(speed=speeds, heading=headings)
     return _felt(driven, turns, plan, model, slope, float(line.arc[-1]))

@@ -41,9 +41,6 @@ _EXACT = 2e-3  # [m] by which a measured deviation may exceed the reported one
 class Outcome:
     """Outcome of a given path; the drives are None where it was not planned."""
 
-    kind: str
-    seed: int
-    vehicle: str
     refused: str = ""
     reached: bool = False
     speed: float = 0.0
@@ -67,7 +64,7 @@ def outcome(kind: str, seed: int) -> Outcome:
     try:
         plan = planner(vehicle).plan(ground, [CandidatePath("given", line.points)])[0]
     except ParameterError as error:
-        return Outcome(kind, seed, vehicle, refused=str(error))
+        return Outcome(refused=str(error))
     deviation = plan.path_deviation
     assert deviation is not None
     given = up_to_cusp(line)
@@ -77,7 +74,7 @@ def outcome(kind: str, seed: int) -> Outcome:
     exact = follow_exactly(given, plan, model, slope, steers_at_noise=steers)
     pursuit, near = pursue(given, plan, model, slope, rng), np.random.default_rng([seed, 1])
     return Outcome(
-        *(kind, seed, vehicle, "", reaches_end(plan, given)),
+        reached=reaches_end(plan, given),
         speed=plan.progress / max(plan.travel_time, 1e-9),
         deviation=deviation.largest,
         untold=far > reported + _EXACT or deviation.largest > deviation.limit,

@@ -36,7 +36,7 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     advance(1)
     candidates = select_free(scene.plan(), 6 if quick else 20)
     tasks = tasks_of(scene, candidates)
-    result["single"] = time_optimal(scene, tasks, rounds)
+    result["single"] = time_optimal(tasks, rounds)
     advance(1)
     result["smoothing"] = jerk_limited(scene, tasks, rounds)
     advance(1)

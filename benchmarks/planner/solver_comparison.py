@@ -154,7 +154,7 @@ def tasks_of(scene: BenchmarkScene, candidates: Sequence[int]) -> list[BaselineT
     return tasks
 
 
-def time_optimal(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: int) -> list[Result]:
+def time_optimal(tasks: Sequence[BaselineTask], rounds: int) -> list[Result]:
     """The time-optimal problem: the planner's profile stage and its baselines."""
 
     def quality(task: BaselineTask, speed_sq: Floats) -> Quality:

@@ -121,7 +121,6 @@ def test_truth_closes_the_gap_and_silence_nothing(name: str) -> None:
             "name": h.name,
             "parameters": {k: (v, 0.1 * abs(v)) for k, v in h.parameters.items()},
             "confidence": 0.99,
-            "alternatives": [],
         }
         for h in hidden.hidden
     )

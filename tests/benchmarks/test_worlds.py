@@ -103,5 +103,5 @@ def test_answers_are_compared_with_the_truth(
 ) -> None:
     truth = (("brake_lag",),) if kind == "single" else ()
     axes = ("battery",) if kind == "outside" else ()
-    log = WorldLog("engine", kind, kind, 1, truth, axes, {}, {})
+    log = WorldLog(kind, truth, axes, {}, {})
     assert compared(log, verdict, names, axis) == expected
