@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slopewise.models.arrays import Bools
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
@@ -23,6 +24,7 @@ from slopewise.planner.bounds.speed_bounds import HOLDING
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.report.brake_numbers import BrakeNumbers, round_values
@@ -152,15 +154,6 @@ def test_errors_lengthen_the_stop_by_a_known_amount(model: Model) -> None:
     assert BrakeNumbers(locked, Uncertainty()).friction == pytest.approx(0.42 - 3.0902 * 0.02, 1e-3)
 
 
-def test_axle_that_locks_first_ends_the_force() -> None:
-    ugv = read_model(find_model("ugv"))
-    numbers = BrakeNumbers(ugv, Uncertainty())
-    # Rear axle on a descent: μ (L − cg_x) cos θ / ((1 − β) L + μ cg_z).
-    rear = 0.65 * (2.2 - 1.15) * math.cos(0.2) / ((1.0 - 0.52) * 2.2 + 0.65 * 0.75)
-    assert numbers.least_force(6.0, -0.2) == pytest.approx(rear, rel=1e-6)
-    assert numbers.allowed_distance(6.0, -0.2) == pytest.approx(11.95, abs=0.05)
-
-
 @pytest.mark.parametrize("grade", [-0.2, pytest.param(-0.1, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize(
     "kind", ["ugv", "atv", "speed error", "friction", "worn", "lag", "uncertain friction"]
@@ -176,16 +169,34 @@ def test_sheet_shows_what_plans_reserve(model: Model, kind: str, grade: float) -
         "lag": dataclasses.replace(model, effect=(LAG,)),
         "uncertain friction": dataclasses.replace(model, effect=(LOCKUP,)),
     }[kind]
+    plan, numbers = planned_down(subject, grade), BrakeNumbers(subject, Uncertainty())
+    is_stop = (plan.limiting == Limiting.STOPPING_PATH) & (plan.speed_bound > 0.5)
+    check_reserves(plan, numbers, grade, is_stop)
+
+
+def test_at_the_ends_of_the_training_the_sheet_is_what_plans_have(model: Model) -> None:
+    """A cut drive speeds up beyond the trained speeds; known friction ends what unloads an axle."""
+    grade = model.braking.grade_range[0] + 1e-4
+    plan, numbers = planned_down(model, grade), BrakeNumbers(model, Uncertainty())
+    check_reserves(plan, numbers, grade, (plan.speed_bound > 3.5) & (plan.speed_bound < 3.99))
+    slippery = changed(model, sliding_friction=0.45)
+    load = planned_down(slippery, grade).rear_load.min()
+    assert BrakeNumbers(slippery, Uncertainty()).least_rear_load() == pytest.approx(load, abs=1e-3)
+
+
+def planned_down(model: Model, grade: float) -> SpeedPlan:
+    """A plan straight down an even slope of 53 m."""
     x = np.arange(0.0, 60.0, 0.5)
     slope = np.tile(np.tan(grade) * x, (40, 1))
     ground = ElevationMap(elevation=slope, resolution=0.5, origin=(0.0, 0.0))
     path = CandidatePath("line", np.array([[3.0, 10.0], [56.0, 10.0]]))
-    planner = CandidatePlanner(subject, PlannerSettings(spacing=0.05), Uncertainty())
-    (plan,) = planner.plan(ground, [path], clear=40.0)
-    is_stop = (plan.limiting == Limiting.STOPPING_PATH) & (plan.speed_bound > 0.5)
-    at = np.flatnonzero(is_stop & (plan.station < plan.clear_distance))
+    planner = CandidatePlanner(model, PlannerSettings(spacing=0.05), Uncertainty())
+    return planner.plan(ground, [path], clear=40.0)[0]
+
+
+def check_reserves(plan: SpeedPlan, numbers: BrakeNumbers, grade: float, where: Bools) -> None:
+    at = np.flatnonzero(where & (plan.station < plan.clear_distance))
     assert len(at) > 2
-    numbers = BrakeNumbers(subject, Uncertainty())
     for k in at[:: max(len(at) // 10, 1)]:
         reserve = plan.clear_distance - plan.station[k]
         shown = numbers.allowed_distance(float(plan.speed_bound[k]), grade)
