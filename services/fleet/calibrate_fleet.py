@@ -190,9 +190,12 @@ def calibrate_fleet(
             continue
         write_model(fitted, out / f"{name}.toml", calibration.objections.get(name, ()))
     for name, reason in no_file.items():
-        before = calibration.objections.get(name, ())
-        older = f"; {name}.toml in {out} is of an earlier run"
-        reason += older if (out / f"{name}.toml").exists() else ""
-        calibration.objections[name] = (*before, f"no model file: {reason}")
+        objections = calibration.objections.get(name, ())
+        calibration.objections[name] = (*objections, f"no model file: {reason}{_older(out, name)}")
     written = [v.name for v in ordered if v.name not in no_file]
     return FleetCalibrateResult(calibration, model, vehicles, written, time.perf_counter() - begin)
+
+
+def _older(out: Path, name: str) -> str:
+    """Note on a model file of a vehicle that an earlier run left, empty without one."""
+    return f"; {name}.toml in {out} is of an earlier run" if (out / f"{name}.toml").exists() else ""
