@@ -83,8 +83,8 @@ def _facts(
     from slopewise.services.ros.settings import read_settings
 
     if not (map_file or nav2 or bag or live > 0.0 or (config and model)):
-        expected = "expected a map, --nav2, --bag, --live or --config with --model: what to examine"
-        raise InputError("doctor", "", expected)
+        sources = "a map, --nav2, --bag or --live, or --config with --model"
+        raise InputError("doctor", "", f"expected {sources}: a source to examine")
     ground = read_map(map_file) if map_file else None
     if map_file and not model:
         raise InputError("--model", "", "expected a model: whose wheels a map is examined for")

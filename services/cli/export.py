@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,7 +67,7 @@ def export(
             {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.meaning}
             for f in functions
         ]
-        tables.append(_table(functions))
+        tables += _table(functions)
     summary["files"] = [str(file) for file in files]
     print_result(as_json, summary, tables, *files)
 
@@ -101,7 +102,7 @@ def _write_functions(
     return functions
 
 
-def _table(functions: list[ModelFunction]) -> Any:
+def _table(functions: list[ModelFunction]) -> Iterable[Any]:
     columns = ("function", "inputs", "unit", "meaning")
     cells = ((f.name, ", ".join(n for n, _ in f.inputs), f.output[1], f.meaning) for f in functions)
     return table(columns, cells, left=columns)
