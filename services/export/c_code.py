@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from slopewise.models.parameters import Model
 from slopewise.services.export.functions import ModelFunction, derivative_of
+from slopewise.services.export.identifier import identifier
 from slopewise.services.io.files import fault, write_atomic
 
 _VECTORS = 8  # Test vectors per function [1]
@@ -45,7 +45,7 @@ def sample_inputs(function: ModelFunction, count: int, rng: np.random.Generator)
 def write_c(model: Model, functions: list[ModelFunction], folder: Path) -> list[Path]:
     """Write NAME.c, NAME.h (CasADi's), and NAME_model.h: units, and vectors to test by."""
     folder.mkdir(parents=True, exist_ok=True)
-    name = re.sub(r"\W", "_", model.name) or "model"
+    name = identifier(model.name)
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True, "verbose": False})
     for function in functions:
         generator.add(function.function)
@@ -66,7 +66,7 @@ def write_c(model: Model, functions: list[ModelFunction], folder: Path) -> list[
 def _header(model: Model, name: str, functions: list[ModelFunction]) -> str:
     guard = f"{name.upper()}_MODEL_H"
     lines = [
-        f"/* The model {model.name!r}: what functions of {name}.h take and give. SI units.",
+        f"/* The model {_in_comment(repr(model.name))}: what {name}.h takes and gives. SI units.",
         " *",
         " * Call: int f(const double** arg, double** res, long long* iw, double* w, int mem);",
         " * arg[i] points to input i, res[0] to the output; f_work() says how long iw and w are.",
@@ -82,7 +82,7 @@ def _header(model: Model, name: str, functions: list[ModelFunction]) -> str:
         inputs = ", ".join(f"{i} [{unit}]" for i, unit in function.inputs)
         lines.append(
             f"/* {function.name}({inputs}) -> {function.output[0]} [{function.output[1]}]: "
-            f"{function.meaning} */"
+            f"{_in_comment(function.meaning)} */"
         )
         points = sample_inputs(function, _VECTORS, rng)
         values = np.array([float(function.function(*point)) for point in points])
@@ -92,6 +92,10 @@ def _header(model: Model, name: str, functions: list[ModelFunction]) -> str:
             "",
         ]
     return "\n".join([*lines, f"#endif /* {guard} */", ""])
+
+
+def _in_comment(text: str) -> str:
+    return text.replace("*/", "* /").replace("\n", " ")
 
 
 def _array(name: str, rows: Any, shape: str) -> str:

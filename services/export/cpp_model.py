@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from slopewise.planner.swept.sentences import LIMITING_OF_KIND, Kind
 from slopewise.planner.swept.sizes import swept_sizes
 from slopewise.planner.verify.ground import body_sizes, ground_limits
 from slopewise.planner.verify.terms import terms_of
+from slopewise.services.export.identifier import identifier
 from slopewise.services.io.files import write_atomic
 
 CMAKE_FOLDER = Path(__file__).parents[2] / "planner" / "core"
@@ -45,7 +45,7 @@ def write_cpp(
         elevation=np.zeros((2, 2)), resolution=resolution, origin=(0.0, 0.0), height_std=height_std
     )
     uncertainty = Uncertainty(quantile=quantile)
-    name = re.sub(r"\W", "_", model.name) or "model"
+    name = identifier(model.name)
     planned = within_sight(uncertainty.cautious(model), flat, PlannerSettings().unseen_steps)
     numbers = _numbers(planned, flat, uncertainty)
     members = "".join(f"  .{key} = {_text(value)},\n" for key, value in numbers)

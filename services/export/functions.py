@@ -21,11 +21,13 @@ import numpy as np
 
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Place
+from slopewise.models.errors import ParameterError
 from slopewise.models.laws import braking, wheel_loads
 from slopewise.models.parameters import Model
 from slopewise.models.stop_promise import promised
 from slopewise.planner.ground.uncertainty import QUANTILE
 from slopewise.services.export.even_slope import EvenSlope, choose
+from slopewise.services.export.identifier import letters_of
 from slopewise.services.io.files import write_atomic
 
 _SPEED, _GRADE = ("speed", "m/s"), ("grade", "rad, uphill positive")
@@ -58,6 +60,7 @@ def functions_of(model: Model) -> list[ModelFunction]:
     model = promised(model, QUANTILE, as_mean=True)
     with contextlib.suppress(AttributeError):
         ca.GlobalOptions.setNumpyMode(-1)  # symbols in, symbols out
+    _check_surfaces(list(model.braking.terrain))
     functions = []
     for surface in ("", *model.braking.terrain):
         functions += _of_surface(model, surface)
@@ -93,8 +96,16 @@ def functions_of(model: Model) -> list[ModelFunction]:
     return functions
 
 
+def _check_surfaces(names: list[str]) -> None:
+    """ParameterError if functions of two surfaces would have one name, or none."""
+    suffixes = {letters_of(name) for name in names}
+    if len(suffixes) < len(names) or "" in suffixes:
+        expected = "names that differ in letters and digits of ASCII, for functions"
+        raise ParameterError("braking.terrain", f"{expected}, got {', '.join(names)}")
+
+
 def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
-    end = f"_{surface}" if surface else ""
+    end = f"_{letters_of(surface)}" if surface else ""
     on = f" on {surface}" if surface else ""
     # A surface that may turn out to be in another state counts as the worse of both.
     names = (surface, *model.braking.states_of(surface))

@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from slopewise.models.errors import InputError
+from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.services.export.c_code import sample_inputs, write_c
+from slopewise.services.export.cpp_model import write_cpp
 from slopewise.services.export.functions import (
     ModelFunction,
     derivative_of,
@@ -27,6 +30,7 @@ from slopewise.services.export.schema import model_schema
 from slopewise.services.io.model_file import find_model, model_from_dict, read_model, shipped_models
 from tests.services.command_line import here, one_line_of
 
+CORE = Path(__file__).parents[3] / "planner" / "core"
 POINTS = 400
 EXACT = 1e-9
 
@@ -197,6 +201,33 @@ def test_command_writes_and_lists_its_files(tmp_path: Path) -> None:
     for margin in ("--quantile", "--resolution", "--height-std"):
         one_line_of(here("export", "atv", "--c", tmp_path, margin, "0.9"), "--cpp: expected with")
     assert here("export", "nobody", "--c", tmp_path).returncode == 2
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
+def test_every_name_is_one_in_c(tmp_path: Path) -> None:
+    atv = read_model(find_model("atv"))
+    names = {
+        "class": "model_class",
+        "2fast": "model_2fast",
+        "Ätv (v2) */": "Atv_v2_",
+        "泥": "model",
+    }
+    wet = {"wet grass": SurfaceBraking(b_b=0.3), "Wiese_ü": SurfaceBraking(b_b=0.35)}
+    for name, written in names.items():
+        model = replace(atv, name=name, braking=replace(atv.braking, terrain=wet))
+        files = write_c(model, functions_of(model), tmp_path)
+        header = write_cpp(model, tmp_path, resolution=0.1, height_std=0.0, quantile=0.999)
+        assert [file.name.removesuffix(".hpp") for file in (files[0], header)] == [
+            f"{written}.c",
+            written,
+        ]
+        includes = "".join(f'#include "{file.name}"\n' for file in (*files[1:], header))
+        check = ["g++", "-std=c++20", "-fsyntax-only", f"-I{CORE}", f"-I{tmp_path}", "-xc++", "-"]
+        subprocess.run(check, input=includes, text=True, check=True)
+    assert "stopping_distance_wet_grass" in files[1].read_text()
+    for surfaces in ({"a b": wet["wet grass"], "a-b": wet["wet grass"]}, {"泥": wet["wet grass"]}):
+        with pytest.raises(ParameterError, match="names that differ in letters"):
+            functions_of(replace(atv, braking=replace(atv.braking, terrain=surfaces)))
 
 
 def test_one_call_writes_every_kind(tmp_path: Path) -> None:
