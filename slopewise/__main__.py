@@ -5,8 +5,10 @@ from __future__ import annotations
 
 def main() -> None:
     """Run the command line."""
-    from slopewise.services.cli.app import main as run
-
+    try:
+        from slopewise.services.cli.app import main as run
+    except KeyboardInterrupt:  # while libraries load, for a second; as later, without a traceback
+        raise SystemExit(130) from None
     run()
 
 

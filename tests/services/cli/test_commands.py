@@ -222,3 +222,20 @@ def test_bad_input_is_one_line_and_status_2(
     if "file" in table:
         (world / table["file"]).write_text(text)
     one_line_of(here(*table["command"].replace("{}", text).split()), *expected)
+
+
+def test_an_interrupt_while_libraries_load_ends_as_later_ones() -> None:
+    program = """
+import sys
+import slopewise.__main__
+
+class Interrupted:
+    def find_spec(self, name, *_):
+        if name == "slopewise.services.cli.app":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupted())
+slopewise.__main__.main()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
