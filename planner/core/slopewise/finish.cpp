@@ -155,15 +155,6 @@ class Finisher {
     }
   }
 
-  // Something else than stopping in time keeps the vehicle from a station from k on, save the last:
-  // brakes that cannot hold there, say.
-  [[nodiscard]] bool is_barred_from(std::size_t k) const {
-    for (; k + 1 < size(); ++k) {
-      if (bound[k] <= 0.0 && label[k] != limiting::stopping_path) return true;
-    }
-    return false;
-  }
-
   void label_stations(const Numbers1& speed_sq, const Numbers1& accelerations, bool smoothed,
                       Label* out) const {
     verify::label_stations({n_, speed_sq.data(), accelerations.data(), bound.data(), label.data(),
@@ -307,7 +298,7 @@ Plan Planner::finish(std::size_t candidate) {
   const bool smoothed = f.smooth_below(speed_sq);
   const std::size_t at = resting(speed_sq);
   const double short_by = c.station.at(static_cast<Index>(n) - 1, j) - f.columns_of(f.track).station[at];
-  if (short_by > kept_free(c.model, f, at) + hardly_short || f.is_barred_from(at)) reaches = false;
+  if (short_by > kept_free(c.model, f, at) + hardly_short) reaches = false;
   const Status status = !smoothed || slowed ? Status::degraded
                         : reaches           ? Status::ok
                                             : Status::blocked;
