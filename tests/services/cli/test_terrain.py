@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -159,25 +158,6 @@ def test_a_missing_column_is_an_error(tmp_path: Path, name: str) -> None:
     path = write_runs(tmp_path / "log.csv", ("1", drive_log()), drop=(name,))
     with fault_in(path, f"column {name}", "missing column", "v_left, v_right, yaw_rate"):
         terrain(LogInput([path]), "husky")
-
-
-@pytest.mark.parametrize(
-    ("name", "spoil", "where", "expected"),
-    [
-        ("t", lambda t: np.r_[t[:50], t[49:-1]], "column t", "after"),
-        ("t", lambda t: t[::-1], "column t", "after"),
-        ("pitch", lambda pitch: pitch + 12.0, "row 2, column pitch", "looks like degrees"),
-    ],
-    ids=["twice", "backwards", "degrees"],
-)
-def test_unusable_times_and_units_are_an_error(
-    tmp_path: Path, name: str, spoil: Callable[[np.ndarray], np.ndarray], where: str, expected: str
-) -> None:
-    log = drive_log()
-    path = write_runs(tmp_path / "log.csv", ("1", {**log, name: spoil(log[name])}))
-    with pytest.raises(InputError, match=expected) as caught:
-        terrain(LogInput([path]), "husky")
-    assert where in caught.value.field
 
 
 STRAIGHT = slice(400, 800)  # of the first leg, driven from 2 s to 10 s

@@ -25,6 +25,7 @@ from slopewise.services.io.table import write_csv
 from slopewise.services.jobs.log_input import LogInput
 from tests.world.logs import WORLDS
 from tests.world.plant import drive
+from tests.world.shared import once
 
 
 def row(vehicle: str, verdict: str, *effects: Row, before: float = 0.1) -> Row:
@@ -135,9 +136,14 @@ def content(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def local(logs: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("local")
-    run(logs, folder)
-    return folder
+    """Findings in the logs; do not write to the folder, all workers share it."""
+
+    def investigated() -> Path:
+        folder = tmp_path_factory.mktemp("local")
+        run(logs, folder)
+        return folder
+
+    return once("fleet-findings", investigated)
 
 
 def test_each_vehicle_has_a_row_a_line_and_its_files(local: Path) -> None:
