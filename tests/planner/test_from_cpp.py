@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import inspect
-import os
 import runpy
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -26,9 +24,11 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import Status
 from slopewise.services.cli.app import app, main
 from slopewise.services.export.cpp_model import write_cpp
+from tests.world.compilers import CORE, needs_compiler, output_of
 
 ROOT = Path(__file__).parents[2]
 STATUSES = list(Status)
+GENERATOR = runpy.run_path(str(CORE / "generate_laws.py"))
 
 
 def example_in(folder: Path) -> Path:
@@ -38,7 +38,7 @@ def example_in(folder: Path) -> Path:
     cmake, ninja, build = tool("cmake"), tool("ninja"), folder / "build"
     assert cmake, "of the extra dev"
     given = {
-        "slopewise_DIR": ROOT / "planner" / "core",
+        "slopewise_DIR": CORE,
         "CMAKE_CXX_COMPILER": compiler(),
         "CMAKE_MAKE_PROGRAM": ninja,
         "CMAKE_CXX_FLAGS": f"-I{folder}",
@@ -64,7 +64,7 @@ def hill() -> ElevationMap:
     return ElevationMap(elevation=z, resolution=0.2, origin=(0.0, 0.0), height_std=0.0)
 
 
-@pytest.mark.skipif(compiler() is None, reason="there is no C++ compiler on this machine")
+@needs_compiler
 def test_the_example_plans_as_python_does(tmp_path: Path) -> None:
     program = example_in(tmp_path)
     planner = CandidatePlanner(slopewise.read_model("atv"), None, Uncertainty())
@@ -106,20 +106,17 @@ def test_a_model_with_effects_is_refused(tmp_path: Path) -> None:
         write_cpp(model, tmp_path, resolution=0.1, height_std=0.0, quantile=0.999)
 
 
-CORE = Path(__file__).parents[2] / "planner" / "core"
-
-
-def test_generated_laws_are_those_of_python(tmp_path: Path) -> None:
-    generator = runpy.run_path(str(CORE / "generate_laws.py"))
-    assert (CORE / "generated" / "laws.hpp").read_text() == generator["header"](), (
+def test_generated_laws_are_those_of_their_generator() -> None:
+    assert (CORE / "generated" / "laws.hpp").read_text() == GENERATOR["header"](), (
         "run `python planner/core/generate_laws.py`"
     )
-    compiler = os.environ.get("CXX") or shutil.which("c++") or shutil.which("g++")
-    if compiler is None:
-        pytest.skip("needs a compiler on the PATH")
+
+
+@needs_compiler
+def test_generated_laws_are_those_of_python(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     calls, expected = [], []
-    laws = {law.__name__: law for law in generator["_LAWS"]}
+    laws = {law.__name__: law for law in GENERATOR["_LAWS"]}
     laws |= {name: LAWS[name].law for name in MOTION_LAWS}
     for name, law in laws.items():
         # Falling, so that the centre of gravity lies between the axles.
@@ -141,7 +138,5 @@ def test_generated_laws_are_those_of_python(tmp_path: Path) -> None:
         'std::printf("%.17g\\n", value); }'
     )
     (tmp_path / "laws.cpp").write_text(program)
-    command = [compiler, "-std=c++20", f"-I{CORE}", str(tmp_path / "laws.cpp"), "-o"]
-    subprocess.run([*command, str(tmp_path / "laws")], check=True)
-    done = subprocess.run([str(tmp_path / "laws")], check=True, capture_output=True, text=True)
-    np.testing.assert_allclose([float(line) for line in done.stdout.split()], expected, rtol=1e-14)
+    lines = output_of(tmp_path / "laws.cpp", tmp_path).split()
+    np.testing.assert_allclose([float(line) for line in lines], expected, rtol=1e-14)

@@ -7,13 +7,13 @@ whole planner, as C++ programs have it, knows none.
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from tests.world.compilers import CORE, compiler_with
+from hatch_build import tool
+from tests.world.compilers import CORE, compiler_with, needs_compiler
 
 HERE = Path(__file__).parent
 BY_DAY = ("planner_driver.cpp", "path_driver.cpp")
@@ -25,10 +25,7 @@ SECONDS = int(os.environ.get("SLOPEWISE_FUZZ_SECONDS", 1))
 OPTIONS = "-g1" if "SLOPEWISE_FUZZ_SECONDS" in os.environ else "-O0 -g1"
 
 
-@pytest.mark.skipif(
-    not all(map(shutil.which, ("c++", "cmake", "ninja"))),
-    reason="no compiler with sanitizers on the path",
-)
+@needs_compiler
 @pytest.mark.parametrize(
     "driver", [*BY_DAY, *(pytest.param(d, marks=pytest.mark.nightly) for d in BY_NIGHT)]
 )
@@ -36,9 +33,10 @@ def test_random_input_passes_the_sanitizers(driver: str, tmp_path: Path) -> None
     environment = os.environ | compiler_with(OPTIONS, tmp_path)
     build = tmp_path / "build"
     source = f"-DSLOPEWISE_DRIVER={HERE / driver}"
+    cmake, ninja = str(tool("cmake")), f"-DCMAKE_MAKE_PROGRAM={tool('ninja')}"
     for command in (
-        ["cmake", "-G", "Ninja", "-S", str(CORE), "-B", str(build), source],
-        ["cmake", "--build", str(build)],
+        [cmake, "-G", "Ninja", "-S", str(CORE), "-B", str(build), source, ninja],
+        [cmake, "--build", str(build)],
         [str(build / "driver"), str(SECONDS)],
     ):
         done = subprocess.run(
