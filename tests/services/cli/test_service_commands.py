@@ -93,11 +93,6 @@ def test_no_reply_is_one_line(robot: Robot, world: Path, arguments: tuple[str, .
     one_line_of(here(*arguments, *where), "absent/here/v1/params", "got none")
 
 
-@pytest.mark.parametrize("speed", ["nan", "inf", "-1"])
-def test_query_refuses_a_start_speed_that_no_vehicle_has(speed: str) -> None:
-    one_line_of(here("query", "paths.csv", "--speed", speed), "--speed: expected a finite start")
-
-
 def test_query_plans_on_the_map_that_it_sends(robot: Robot, world: Path) -> None:
     arguments = ("query", "paths.csv", "--map", "map.npz", "--speed", "1", "--timeout", "20")
     done = call(robot, *arguments, "--json")

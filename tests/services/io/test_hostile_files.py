@@ -29,7 +29,6 @@ from slopewise.services.io.table import read_csv, write_csv
 from slopewise.services.ros.settings import read_settings
 from slopewise.services.settings.service_settings import read_config
 from tests.services.faults import bad_inputs, fault_in
-from tests.services.warm_process import WarmProcess
 
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "drive_log": ("log.csv", lambda path: read_drive_log([path])),
@@ -194,19 +193,6 @@ def test_a_missing_name_of_an_effect_is_what_is_reported(tmp_path: Path) -> None
     file.write_text(ATV + '\n[[effect]]\nnme = "brake_lag"\n')
     with pytest.raises(InputError, match="did you mean name"):
         read_model(file)
-
-
-@pytest.mark.parametrize("name", ["plan.xlsx", "plan.parquet", "PLAN.XLS"])
-def test_a_table_under_a_name_of_another_kind_is_refused(tmp_path: Path, name: str) -> None:
-    np.savez(
-        tmp_path / "m.npz", elevation=np.zeros((40, 90)), resolution=0.5, origin=np.array([-5, -9])
-    )
-    (tmp_path / "p.csv").write_text("x,y\n" + "".join(f"{i},0\n" for i in range(20)))
-    arguments = ["plan", "m.npz", "p.csv", "--model", "atv", "--out", name]
-    done = WarmProcess(arguments, {"PATH": ""}, folder=tmp_path).finished(60.0)
-    assert done.returncode == 2
-    assert "expected a name that ends in .csv" in done.stderr
-    assert not (tmp_path / name).exists()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import zipfile
@@ -324,27 +323,27 @@ def test_files_that_are_no_map(tmp_path: Path) -> None:
 
 
 def test_a_broken_geotiff_says_one_line_and_nothing_else(tmp_path: Path) -> None:
-    path = geotiff(tmp_path / "m.tif", RNG.normal(size=(64, 64)), compress="deflate")
-    content = path.read_bytes()
+    content = geotiff(
+        tmp_path / "m.tif", RNG.normal(size=(64, 64)), compress="deflate"
+    ).read_bytes()
     script = (
         "import sys; from pathlib import Path\n"
         "from slopewise.services.io.map_file import read_map\n"
-        "try: read_map(Path(sys.argv[1]))\n"
-        "except Exception as e: print(type(e).__name__, e)"
+        "for path in sys.argv[1:]:\n"
+        "    try: read_map(Path(path))\n"
+        "    except Exception as e: print(type(e).__name__, e)"
     )
-    for broken in (content[: len(content) // 2], content[:-100], content[:10]):
-        path.write_bytes(broken)
-        done = subprocess.run(
-            [sys.executable, "-c", script, str(path)],
-            cwd=ROOT,
-            env=dict(os.environ),
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert done.stdout.startswith(f"InputError {path}: expected an intact GeoTIFF, got")
-        assert done.stdout.count("\n") == 1
-        assert done.stderr == ""
+    broken = {"half": content[: len(content) // 2], "end": content[:-100], "begin": content[:10]}
+    paths = [tmp_path / f"{name}.tif" for name in broken]
+    for path, part in zip(paths, broken.values(), strict=True):
+        path.write_bytes(part)
+    done = subprocess.run(
+        [sys.executable, "-c", script, *map(str, paths)], cwd=ROOT, capture_output=True, text=True
+    )
+    lines = done.stdout.splitlines()
+    for path, line in zip(paths, lines, strict=True):
+        assert line.startswith(f"InputError {path}: expected an intact GeoTIFF, got")
+    assert done.stderr == ""
 
 
 def test_any_damage_is_an_input_error(tmp_path: Path) -> None:
