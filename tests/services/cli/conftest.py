@@ -16,6 +16,9 @@ from slopewise.services.jobs.demo import fan, hillside
 from tests.models.calibration.plant import Plant, drive
 from tests.models.terrain import plant
 from tests.services.check.drives import ground, model_with, trapezoid
+from tests.services.quick_figures import quick_figures
+
+__all__ = ["quick_figures"]
 
 
 def write_log(log: dict, path: Path) -> Path:
