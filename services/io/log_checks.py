@@ -90,6 +90,23 @@ def refuse_unit(learned: Braking, known: Braking, grades: np.ndarray, source: st
         raise InputError(source, "column v", reason)
 
 
+def refuse_ramps(learned: Braking, source: str) -> None:
+    """Raise InputError where the force vanishes with the speed at which braking begins."""
+    low, high = learned.speed_range
+    weakest, _ = Braking.__dataclass_fields__["b_b"].metadata["plausible"]
+    if learned.b_b >= weakest or learned.level_force(high) < weakest:
+        return
+    raise InputError(
+        source,
+        "braking.b_b",
+        f"expected a force over weight of at least {weakest:g} [1] at rest, got {learned.b_b:.2g}: "
+        f"{learned.level_force(high):.2g} from {high:.2g} m/s, {learned.level_force(low):.2g} from "
+        f"{low:.2g} m/s, so that stops from any speed take about as long; a controller that "
+        "lowers the speed along a ramp does that, or a filter of the speed, as in a GPS: log the "
+        "speed of the wheels, or stops by the brakes alone",
+    )
+
+
 def unseen_channels(
     effects: Iterable[Effect], columns: Mapping[str, NDArray[Any]]
 ) -> tuple[str, ...]:

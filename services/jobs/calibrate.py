@@ -23,6 +23,7 @@ from slopewise.services.io.decode import decode_table
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault, read_toml
 from slopewise.services.io.log_checks import (
+    refuse_ramps,
     refuse_too_fast,
     refuse_unit,
     refuse_wrong_units,
@@ -76,6 +77,7 @@ def calibrate(logs: LogInput, model_file: str, *, settings: CalibrationSettings)
             calibration = calibrate_log(log, model, ground, settings)
             grades = np.array([r.grade for s in calibration.surfaces for r in s.records])
             refuse_unit(calibration.braking, model.braking, grades, logs.names)
+            refuse_ramps(calibration.braking, logs.names)
             updated = with_learned(model, calibration)
             check_plausible(model_to_dict(updated))  # as any reader of its file does
             advance(2)

@@ -20,7 +20,7 @@ from slopewise.models.errors import InputError
 from slopewise.services.io.bags import opened
 from slopewise.services.io.drive_log import read_drive_log, read_logs
 from slopewise.services.io.files import read_toml
-from slopewise.services.io.log_checks import refuse_unit
+from slopewise.services.io.log_checks import refuse_ramps, refuse_unit
 from slopewise.services.io.map_file import map_info, read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import read_paths
@@ -209,3 +209,11 @@ def test_coefficients_of_another_unit_are_recognised(unit: str, factor: float) -
     refuse_unit(known, known, grades, "log")
     better = dataclasses.replace(known, b_b=1.8 * known.b_b)
     refuse_unit(better, known, grades, "log")
+
+
+def test_stops_that_take_as_long_from_any_speed_are_no_brakes() -> None:
+    known = read_model(find_model("husky")).braking
+    ramps = dataclasses.replace(known, m_b=0.1, b_b=0.004)
+    with pytest.raises(InputError, match=r"at rest, got 0.004: 0.1 from 1 m/s, 0.024 from 0.2 m/s"):
+        refuse_ramps(ramps, "log")
+    refuse_ramps(known, "log")
