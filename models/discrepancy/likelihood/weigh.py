@@ -1,8 +1,8 @@
 """From a table of stops to weighed explanations.
 
 The search goes in rounds: scatter that an effect explains hides others, so everything is searched
-again at the onset and the noise of the leader, at most the usual one, until the leader stays. Every
-set then has two weights, with and without a lag.
+again at the onset and the noise of the leader, at most the usual one, until the leader stays. All
+are then compared at one onset, and every set has two weights, with and without a lag.
 """
 
 from __future__ import annotations
@@ -80,12 +80,34 @@ def weighed(
         advance(1.0 - 0.7 * 0.5 ** (turn + 1))
         if leader == before:
             break
-    ranked = sorted(known, key=lambda n: -known[n].log_weight)
-    for names in {*ranked[:_LEADERS], nothing} - {leader}:
-        known[names] = _settled(book, known[names], known[leader])
+    _at_one_onset(known, book)
     every = explanations(known.values(), odds)
     advance(1.0)
     return every, book
+
+
+def _at_one_onset(known: dict[frozenset[str], Fit], book: Dictionary) -> None:
+    """Fit all explanations from the best onset that any of them has found, until it stays.
+
+    The evidence has several maxima over the onset: a better one that an explanation found alone
+    would decide for it, and its effects would not.
+    """
+    compared: dict[frozenset[str], Fit] = {}
+    for _ in range(MAX_STEPS):
+        ranked = sorted(known, key=lambda n: -known[n].log_weight)
+        near = known[ranked[0]]
+        late = [names for names in ranked[1:] if compared.get(names) is not near]
+        if not late:
+            return
+        for names in late:
+            before = known[names]
+            if before.settled or names in ranked[:_LEADERS] or not names:
+                now = _settled(book, before, near)
+            else:
+                now = quick_fit(book, before.chosen, before.log_prior, near)
+            compared[names] = near
+            if now.log_weight > before.log_weight or now.settled > before.settled:
+                known[names] = now
 
 
 def _try(

@@ -186,7 +186,7 @@ def test_a_name_has_its_alternatives_and_an_experiment_is_proposed(
     f = investigate(*log("slow_drag"), BASE, settings=finer)
     assert f.verdict is verdict
     assert f.effects[0].name == "aerodynamic_drag"
-    assert f.effects[0].alternatives == ("viscous_resistance",)
+    assert f.effects[0].alternatives[0] == "viscous_resistance"
     weights = {e.names: e.weight for e in f.explanations}
     assert weights["aerodynamic_drag",] > weights["viscous_resistance",] > 0.2
     assert 0.9 < sum(weights.values()) <= 1.0 + 1e-9
