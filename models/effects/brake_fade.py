@@ -12,6 +12,9 @@ from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Par
 from slopewise.models.effects.stops_seen import StopsSeen
 
 _COOLING = (20.0, 40.0, 100.0, 300.0, 1000.0)  # [s] of the search
+_HOTTEST = (0.0, 1.0, 5.0)
+"""k q of the hottest brakes in columns of the search [1]: a straight line for small losses, and
+curves that the law, or one that levels off sooner, follows."""
 
 
 def remaining_share(heat: Elementwise, k: Elementwise, tau: Elementwise) -> Elementwise:
@@ -21,8 +24,10 @@ def remaining_share(heat: Elementwise, k: Elementwise, tau: Elementwise) -> Elem
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
     for tau in _COOLING:
-        # The slope of the law where brakes are cold.
-        yield {"tau": tau}, -stops.built * stops.heat(tau) * stops.passes
+        heat = stops.heat(tau)
+        for hottest in _HOTTEST:
+            lost = heat * remaining_share(heat, hottest / max(float(heat.max()), 1e-9), tau)
+            yield {"tau": tau}, -stops.built * lost * stops.passes
 
 
 EFFECT = EffectLaw(
