@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
@@ -25,13 +25,15 @@ from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, co
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import demanded_force
 from slopewise.models.effects.registry import LAWS
+from slopewise.models.stop_logs.mount_offset import TYPICAL_MOUNTING_STD
 
 GRADE_BIAS = "grade_bias"
 """A pitch sensor or a map that is off by the same angle everywhere."""
 CHANGED_STOPS = 3  # stops that an effect has to change to matter: two are outliers [1]
 NAMED_FROM = 12.0
 """Chi square from which a name outweighs none: odds of 0.08, and the width of its prior [1]."""
-_MAX_BIAS = np.deg2rad(2.5)  # error of all grades that is not obvious [rad]
+_BIAS = np.sqrt(2.0) * TYPICAL_MOUNTING_STD
+"""Standard deviation of all grades together, by the mountings now and when calibrated [rad]."""
 _ABSORBED = 0.98  # share of a column that the base absorbs, from which it hides it [1]
 _BIAS_TEST = (
     "stand still on ground of known slope, or drive the same slope both ways, and read the pitch; "
@@ -75,13 +77,11 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     stops = len(fit.trace.table)
     limit = log.base_chi_square() + float(chi2.isf(prior.RULED_OUT, 4)) * stops / max(stops - 5, 1)
     causes: dict[str, str] = {}
-    chi_square, bias, std = log.cause_chi_square(len(named))
-    min_bias = abs(bias) - float(norm.isf(0.5 * prior.RULED_OUT)) * std
-    if chi_square < limit and min_bias <= _MAX_BIAS:
+    if log.cause_chi_square(len(named), _BIAS)[0] < limit:
         causes[GRADE_BIAS] = _BIAS_TEST
     for i, c in enumerate(named):
         if c.name in never_seen:
-            chi_square, strength, _ = log.cause_chi_square(i)
+            chi_square, strength = log.cause_chi_square(i)
             if chi_square < limit and (strength > 0.0 or not c.one_sided):
                 causes.setdefault(c.name, LAWS[c.name].experiment)
     hidden = frozenset(named[i].first for i in np.flatnonzero(share >= _ABSORBED))
@@ -148,25 +148,22 @@ class _Normal:
         inner, pull = self.inner[:, : len(self.std)], self.inner[:, -2]
         return float(self.sides[0] - _fitted(inner, self.std_of_others, pull)[0])
 
-    def cause_chi_square(self, candidate: int) -> tuple[float, float, float]:
-        """As configured with a candidate, or the bias after them; its strength, and the std."""
+    def cause_chi_square(self, candidate: int, std: float = np.inf) -> tuple[float, float]:
+        """As configured with a candidate, or the bias after them, of that prior; its strength."""
         rest = np.setdiff1d(np.arange(len(self.std)), self.base)
         cross = self.cross[candidate, rest][:, None]
         inner = np.block(
             [[self.inner[np.ix_(rest, rest)], cross], [cross.T, self.squares[candidate]]]
         )
         pull = np.append(self.inner[rest, -1], self.cross[candidate, -1])
-        taken, mean, std = _fitted(inner, np.append(self.std[rest], np.inf), pull)
-        return float(self.sides[1] - taken), mean, std
+        taken, mean = _fitted(inner, np.append(self.std[rest], std), pull)
+        return float(self.sides[1] - taken), mean
 
 
-def _fitted(inner: Floats, std: Floats, pull: Floats) -> tuple[float, float, float]:
-    """Chi square that columns (P,) take; mean and std of the last one."""
-    last = np.zeros(len(std))
-    last[-1] = 1.0
-    precision = inner + np.diag(1.0 / std**2)
-    mean, unit = np.linalg.solve(precision, np.column_stack((pull, last))).T
-    return float(pull @ mean), float(mean[-1]), float(np.sqrt(unit[-1]))
+def _fitted(inner: Floats, std: Floats, pull: Floats) -> tuple[float, float]:
+    """Chi square that columns (P,) take, and mean of the last one."""
+    mean = np.linalg.solve(inner + np.diag(1.0 / std**2), pull)
+    return float(pull @ mean), float(mean[-1])
 
 
 def _bias(trace: Trace) -> Integrated:
