@@ -79,10 +79,17 @@ def decide(
         case Verdict.MISSING_EFFECT | Verdict.AMBIGUOUS if answer.leader.names:
             return _named(table, answer, nothing, settings)
         case Verdict.UNKNOWN:
-            along = next((f for f in located if f.axis.name == answer.axis), None)
-            return replace(nothing, verdict=Verdict.UNKNOWN, axis=along or mainly_along(located))
+            return replace(nothing, verdict=Verdict.UNKNOWN, axis=_followed(located, answer.axis))
         case _:
             return nothing
+
+
+def _followed(located: list[ResidualAxis], axis: str) -> ResidualAxis | None:
+    """The axis of the likeliest explanation, unless stops follow another one and not that."""
+    along = next((f for f in located if f.axis.name == axis), None)
+    if along is not None and along.p_value < prior.RULED_OUT:
+        return along
+    return mainly_along(located) or along
 
 
 def drifted(nothing: Decision, seen: Resolvable) -> Decision:

@@ -131,7 +131,6 @@ def test_the_gap_closes_on_stops_held_out(name: str) -> None:
 
 
 AXES = {
-    "drag": "speed",
     "lag": "time_since_onset",
     "cross": "roll",
     "step": "run",
