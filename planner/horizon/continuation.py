@@ -6,7 +6,8 @@ possible now; if nothing got worse, the verifier can have no objection (docs/dec
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -58,6 +59,8 @@ class Continuation:
         offered: None if no candidate is that path.
         untracked: speed of a vehicle that is not at that of the plan, None where it is [m/s]: then
             it can only be stopped on this path.
+        fronts: (n, 3) how far other candidates are known to be free: position, and distance from
+            the vehicle [m].
     """
 
     planner: CyclePlanner
@@ -66,6 +69,7 @@ class Continuation:
     lead: float
     offered: OfferedPath | None
     untracked: float | None = None
+    fronts: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
     def _segment(self) -> int:
@@ -236,9 +240,19 @@ class Continuation:
         """Station of the path up to which it is free: what is offered, else what was known [m]."""
         station = self.planner.stations(path)
         i, plan = self._segment, self.previous.plan
-        if self.offered is None:
-            return float(station[first] + plan.clear_distance - plan.station[i])
-        here = self.previous.station_at(self.projection) - float(plan.station[i])
-        expected = float(station[first]) + here + self.offered.free
+        here = float(station[first]) + self.previous.station_at(self.projection)
+        here -= float(plan.station[i])
         line = Polyline(path.x[:, 0], path.y[:, 0])
-        return station_of(line, station, self.offered.far, expected)
+        if self.offered is not None:
+            return station_of(line, station, self.offered.far, here + self.offered.free)
+        clear = float(station[first] + plan.clear_distance - plan.station[i])
+        # What ends the free way of a candidate within the width of the body is on this path too.
+        for x, y, free in self.fronts.tolist():
+            end = station_of(line, station, (x, y), here + free)
+            gap = math.hypot(
+                float(np.interp(end, station, line.x)) - x,
+                float(np.interp(end, station, line.y)) - y,
+            )
+            if gap <= self.planner.model.vehicle.shape.width:
+                clear = min(clear, end)
+        return clear

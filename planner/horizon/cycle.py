@@ -29,6 +29,9 @@ from slopewise.planner.pipeline.plan_finalizer import Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.plan import SpeedPlan, Status
 
+_NO_STOP = "no candidate can be stopped on"
+"""Why the path of the previous plan is stopped on."""
+
 _FARTHER = 1.0
 """Distance between the ends of a plan without smoothing and of the smooth one that it replaces [m]:
 smoothing itself may cost less, and a plan that is ok may rest that far before its path's end."""
@@ -119,7 +122,7 @@ class Cycle:
         unchanged = unchanged and plans[0] is continued
         plans = [self._with_deviation(plan, candidates) for plan in plans]
         if index is None and plans[0].plan.status is Status.INFEASIBLE:
-            plans = [*self._stop_on_former("no candidate can be stopped on"), *plans]
+            plans = self._stop_on_former(_NO_STOP, batch.fronts(free)) + plans
         finished = tuple(plan.plan for plan in plans)
         ranking = (*batch.ranked(order), *refused)
         chosen = answer(planner, plans[0], finished, ranking, self._lead, deficit, unchanged)
@@ -272,9 +275,16 @@ class Cycle:
             return full, None
         return answer(self._planner, stops[0], (stops[0].plan,), ranking, self._lead)
 
-    def _stop_on_former(self, reason: str) -> list[PreviousPlan]:
-        """Service braking on the path that was driven so far, empty where that is not possible."""
-        stop = None if self._former is None else self._former.stop(reason)
+    def _stop_on_former(self, reason: str, fronts: Floats | None = None) -> list[PreviousPlan]:
+        """Service braking on the path that was driven so far, empty where that is not possible.
+
+        Args:
+            reason: to brake. fronts: as of :class:`Continuation`.
+        """
+        former = self._former
+        if former is not None and fronts is not None:
+            former = replace(former, fronts=fronts)
+        stop = None if former is None else former.stop(reason)
         return [] if stop is None else [stop]
 
     @property

@@ -61,6 +61,24 @@ class CycleBatch:
         """Return True if the verifier has no objection to the profile of candidate j."""
         return not self.violation[j].max() > 0.0
 
+    def fronts(self, clear: Floats) -> Floats:
+        """Where candidates are no longer known to be free before they end, (n, 3).
+
+        Args:
+            clear: (M,) distance from the vehicle up to which each is known to be free [m].
+
+        Returns:
+            Positions, and distances from the vehicle [m].
+        """
+        profile, fronts = self.solved.profile, []
+        for j, free in enumerate(np.maximum(clear, 0.0).tolist()):
+            n = int(profile.count[j])
+            station = profile.station[:n, j]
+            if free < station[-1]:
+                x, y = (float(np.interp(free, station, a[:n, j])) for a in (profile.x, profile.y))
+                fronts.append((x, y, free))
+        return np.array(fronts).reshape(-1, 3)
+
     def order(self, previous: int | None, gain: float) -> list[int]:
         """Indices of all candidates by cost, those that the verifier objects to last.
 

@@ -414,15 +414,27 @@ def test_where_all_new_candidates_end_too_soon_it_stops_on_the_path_so_far(missi
     drive = moving()
     former = drive.answers[-1].chosen
     drive.speed -= missing
-    drive.paths, drive.clear = [CandidatePath("new", straight(40.0).points)], drive.x + 0.3
-    speed = drive.speed
-    while drive.speed > 0.0:
-        answer = drive.cycle()
+    while drive.speed > 1.0:
+        drive.paths = [CandidatePath("new", straight(drive.x + 0.5).points)]
+        speed, answer = drive.speed, drive.cycle()
         assert (answer.chosen.candidate, answer.command.stop) == (former.candidate, False)
         assert "no candidate can be stopped on: stops on the path driven so far" in answer.reason
         assert drive.speed < speed
-        speed = drive.speed
-    assert drive.x < former.x[0] + former.clear_distance
+
+
+@pytest.mark.parametrize("clear", [-50.0, 0.3, 1.5])
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+@pytest.mark.parametrize(("name", "missing"), [("straight", 0.5), ("new", 0.5), ("new", 0.0)])
+def test_it_does_not_stop_beyond_what_is_free_now_on_the_path_so_far(
+    name: str, missing: float, offset: float, clear: float
+) -> None:
+    """The path that it drove may be offered again: shorter, by another name, a little off it."""
+    drive = moving()
+    assert drive.answers[-1].chosen.candidate == "straight"
+    drive.speed -= missing
+    points = straight(40.0).points + np.array([0.0, offset])
+    drive.paths, drive.clear = [CandidatePath(name, points)], drive.x + clear
+    assert drive.cycle().command.stop
 
 
 UNKNOWN = plane(unknown=lambda x, y: x < 44.0)
