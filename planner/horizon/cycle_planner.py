@@ -85,7 +85,7 @@ class CyclePlanner:
             settings=self.planning,
             conditions=self.conditions,
             uncertainty=self.uncertainty,
-            departure=departure_of(paths, self.state, self.unseen.places),
+            departure=departure_of(paths, self.state, self.unseen.speed, self.unseen.places),
             finalists=finalists,
         )
 

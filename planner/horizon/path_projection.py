@@ -52,15 +52,18 @@ def locate(
     return PathProjection(segment, *values)
 
 
-def departure_of(paths: PathBatch, state: PlanarState, places: Floats | None = None) -> Departure:
+def departure_of(
+    paths: PathBatch, state: PlanarState, speed: float = 0.0, places: Floats | None = None
+) -> Departure:
     """The actual pose of the vehicle against M paths on which it was found before.
 
     Args:
         paths: the candidates. state: the vehicle's.
+        speed: highest one that it may reach until a new command takes effect [m/s].
         places: (k, 2) where earlier commands may lead it until a new one takes effect [m].
     """
     projection, offset = _offset(paths, (state.x, state.y), state.heading)
-    speed, later = max(state.speed, 0.0), None
+    speed, later = max(state.speed, speed), None
     if places is not None and len(places) > 0:
         later = np.stack([_offset(paths, (x, y), state.heading)[1] for x, y in places.tolist()])
         later = np.stack([later.min(axis=0), later.max(axis=0)])

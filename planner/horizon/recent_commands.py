@@ -68,7 +68,7 @@ class RecentCommands:
         measured = max(state.speed, 0.0)
         commanded = max((speed for speed, _ in islice(self._driven, cycles)), default=0.0)
         speed = max(measured, min(commanded, measured + accel * time))
-        distance = measured * time
+        distance = speed * time
         if distance < _SHORT:
             return UnseenMotion(speed)
         plans = [plan for _, plan in islice(self._driven, cycles) if plan is not None]

@@ -51,7 +51,8 @@ class Departure(NamedTuple):
         segment: (M,) index of the station behind it.
         along: (M,) distance from the first station to its foot on the line in the plan view [m].
         offset: (M,) signed distance from the line, to the left positive [m].
-        heading: body heading [rad]. speed: vehicle speed [m/s].
+        heading: body heading [rad].
+        speed: highest one of the vehicle until a new command takes effect [m/s].
         age: time since the pose was measured [s].
         later: (2, M) lowest and highest offset to which earlier commands may lead it until
             a new one takes effect [m]; None: till then it holds its heading.

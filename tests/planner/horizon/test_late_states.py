@@ -167,3 +167,19 @@ def test_speed_that_earlier_commands_still_add_is_planned_for(age: float, latenc
     assert answer.chosen is not None
     expected = min(commanded, measured.speed + accel * (age + latency))
     assert answer.chosen.speed[0] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("missing", [0.6, 0.9, 1.2])
+def test_a_slow_vehicle_off_its_line_needs_no_full_braking(missing: float) -> None:
+    """Its way to the line and its plan begin at the same speed."""
+    tables = {**tables_with(), "tracking": {"latency": 0.4, "lookahead": 1.0}}
+    vehicle = Obedient(straight(40.0), plane(), tables)
+    for _ in range(30):
+        vehicle.cycle(0.4)
+    on_line, commanded = vehicle.state(0.4), vehicle.answers[-1].command.speed
+    state = replace(on_line, y=0.05, heading=0.2, speed=commanded - missing)
+    answer = vehicle.horizon.step(
+        state, [CandidatePath("new", vehicle.path.points)], vehicle.ground
+    )
+    assert answer.chosen is not None
+    assert answer.chosen.accel.min() >= -tables["limits"]["decel"] - 1e-6
