@@ -57,7 +57,7 @@ class Cycle:
         projection = vehicle_on(previous, self._state, self._settings)
         if projection is None:
             return
-        if is_tracked(previous, projection, self._state.speed, self._settings):
+        if is_tracked(previous, projection, (self._state.speed, self._start), self._settings):
             lead = previous.lead_at(projection, self._state.age, self._settings.period)
             self._continuation = Continuation(planner, previous, projection, lead, None)
             self._start, _ = self._continuation.motion

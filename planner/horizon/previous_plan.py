@@ -243,11 +243,21 @@ def vehicle_on(
 
 
 def is_tracked(
-    previous: PreviousPlan, projection: PathProjection, speed: float, settings: HorizonSettings
+    previous: PreviousPlan,
+    projection: PathProjection,
+    speeds: tuple[float, float],
+    settings: HorizonSettings,
 ) -> bool:
-    """Return True if the vehicle has the speed of the previous plan where it is, about [m/s]."""
+    """Return True if the vehicle has about the speed of the previous plan where it is.
+
+    Args:
+        previous: the plan; projection: the vehicle's on it.
+        speeds: as measured, and the highest until a command of now takes effect [m/s]: a vehicle
+            that cannot follow faster commands is on its plan with that one.
+        settings: with the error of tracking.
+    """
     planned, _ = previous.speed_at(projection)
-    return abs(max(speed, 0.0) - planned) <= settings.speed_error
+    return any(abs(max(speed, 0.0) - planned) <= settings.speed_error for speed in speeds)
 
 
 def index_of(

@@ -64,15 +64,15 @@ class RecentCommands:
         if state.invalid_field():
             return UnseenMotion(0.0)
         time = state.age + latency
-        cycles = 1 + math.ceil(time / period)
-        measured = max(state.speed, 0.0)
-        commanded = max((speed for speed, _ in islice(self._driven, cycles)), default=0.0)
-        speed = max(measured, min(commanded, measured + accel * time))
+        recent = list(islice(self._driven, 1 + math.ceil(time / period)))
+        speed = measured = max(state.speed, 0.0)
+        for commanded, _ in reversed(recent):
+            # Nothing is certain of how soon it slows down.
+            speed = max(speed, min(commanded, speed + accel * period, measured + accel * time))
         distance = speed * time
         if distance < _SHORT:
             return UnseenMotion(speed)
-        plans = [plan for _, plan in islice(self._driven, cycles) if plan is not None]
-        places = {_place(plan, state, distance) for plan in plans}
+        places = {_place(plan, state, distance) for _, plan in recent if plan is not None}
         return UnseenMotion(speed, np.array(sorted(places)).reshape(-1, 2))
 
 
