@@ -208,7 +208,7 @@ class Cycle:
             return False
         at, heading = (self._state.x, self._state.y), self._state.heading
         (time, distance), (old_time, old_distance) = (
-            one.left(at, heading) for one in (fallback, old)
+            plan.left(at, heading) for plan in (fallback, old)
         )
         farther = distance - old_distance
         if old.plan.status is Status.DEGRADED:

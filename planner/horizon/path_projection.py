@@ -52,6 +52,11 @@ def locate(
     return PathProjection(segment, *values)
 
 
+def locate_on(x: Floats, y: Floats, at: tuple[float, float], heading: float) -> PathProjection:
+    """The same on one path of (N,) stations [m]."""
+    return locate(x[:, None], y[:, None], np.array([len(x)]), at, heading)
+
+
 def departure_of(
     paths: PathBatch, state: PlanarState, speed: float = 0.0, places: Floats | None = None
 ) -> Departure:

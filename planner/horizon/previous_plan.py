@@ -12,7 +12,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
-from slopewise.planner.horizon.path_projection import PathProjection, locate
+from slopewise.planner.horizon.path_projection import PathProjection, locate_on
 from slopewise.planner.horizon.polyline import Polyline, limits_along, window
 from slopewise.planner.path import PathBatch
 from slopewise.planner.plan import SpeedPlan
@@ -49,8 +49,7 @@ class PreviousPlan:
 
     def locate(self, at: tuple[float, float], heading: float) -> PathProjection:
         """The vehicle at a position [m] and heading [rad] on the plan's path."""
-        x, y = self.plan.x[:, None], self.plan.y[:, None]
-        return locate(x, y, np.array([len(x)]), at, heading)
+        return locate_on(self.plan.x, self.plan.y, at, heading)
 
     def _share(self, projection: PathProjection) -> float:
         """How much of its segment the vehicle has driven, < 0 before the first one."""
@@ -118,17 +117,17 @@ class PreviousPlan:
             np.concatenate((projection.y, self.plan.y[i + 1 :])),
         )
 
-    def agrees(self, projection: PathProjection, other: Polyline, tolerance: float) -> bool:
+    def agrees(self, projection: PathProjection, offered: Polyline, tolerance: float) -> bool:
         """Return True if a path runs along this one from the vehicle on, as far as both go.
 
         Args:
             projection: the vehicle on this path.
-            other: stations of the other path, from the vehicle on.
+            offered: stations of the path compared with it, from the vehicle on.
             tolerance: [m].
         """
         ahead = self.ahead(projection)
-        common = other.arc() <= ahead.arc()[-1]
-        nearest, share, gap = ahead.foot(Polyline(other.x[common], other.y[common]))
+        common = offered.arc() <= ahead.arc()[-1]
+        nearest, share, gap = ahead.foot(Polyline(offered.x[common], offered.y[common]))
         # Parts before or beyond this path are ignored.
         before = (nearest == 0) & (share < 0.0)
         beyond = (nearest == len(ahead.x) - 2) & (share > 1.0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
-from slopewise.planner.horizon.path_projection import locate
+from slopewise.planner.horizon.path_projection import locate_on
 from slopewise.planner.horizon.polyline import Polyline
 from slopewise.planner.plan import SpeedPlan
 
@@ -79,8 +79,7 @@ class RecentCommands:
 def _place(plan: SpeedPlan, state: PlanarState, distance: float) -> tuple[float, float]:
     """Point of a plan's line at a distance from the vehicle [m], to a centimetre."""
     x, y = plan.x, plan.y
-    count = np.array([len(x)])
-    here = locate(x[:, None], y[:, None], count, (state.x, state.y), state.heading).along[0]
+    here = locate_on(x, y, (state.x, state.y), state.heading).along[0]
     along = Polyline(x, y).arc()
     east, north = (round(float(np.interp(here + distance, along, a)), 2) for a in (x, y))
     return east, north

@@ -255,7 +255,8 @@ def _hull(
         turned + held * begin,
         lookahead[:, None],
     )
-    lateral, error = (lateral + 0.5 * held * before**2, error + held * before)
+    lateral += 0.5 * held * before**2
+    error += held * before
     turn_back = np.abs(lateral / lookahead[:, None] + error) * (2.0 / lookahead[:, None])
     curvature = np.where(ahead > 0.0, turn_back, np.abs(held)).max(axis=(0, 1))
     bounds = []
