@@ -22,7 +22,7 @@ class PathProjection:
         x, y: (M,) nearest point of the path [m].
         along: (M,) distance from the first station in the plan view, < 0 before it [m].
         remaining: (M,) distance to the last station in the plan view [m].
-        beside: (M,) distance to the path, sideways or beyond its end [m].
+        lateral_offset: (M,) distance to the path, sideways or beyond its end [m].
         turned: (M,) angle between heading and path [rad].
     """
 
@@ -31,7 +31,7 @@ class PathProjection:
     y: Floats
     along: Floats
     remaining: Floats
-    beside: Floats
+    lateral_offset: Floats
     turned: Floats
 
     def only(self, usable: Ints) -> PathProjection:

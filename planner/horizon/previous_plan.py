@@ -234,11 +234,10 @@ def vehicle_on(
     if state.invalid_field():
         return None
     projection = previous.locate((state.x, state.y), state.heading)
-    lateral, turned, along = (
-        float(values[0]) for values in (projection.beside, projection.turned, projection.along)
+    near = (
+        projection.lateral_offset[0] <= settings.beside and projection.along[0] >= -settings.ahead
     )
-    near = lateral <= settings.beside and along >= -settings.ahead
-    return projection if near and turned <= settings.turned else None
+    return projection if near and projection.turned[0] <= settings.turned else None
 
 
 def is_tracked(

@@ -130,11 +130,12 @@ def out_of_reach(projection: PathProjection, heading: float, limits: HorizonSett
         heading: that of the vehicle [rad]; it may count any number of turns.
         limits: how far a path may lie from the vehicle.
     """
-    near = (projection.beside <= limits.beside) & (-projection.along <= limits.ahead)
+    near = (projection.lateral_offset <= limits.beside) & (-projection.along <= limits.ahead)
     drivable = near & (projection.turned <= limits.turned) & (projection.remaining > _ENDS)
     reasons = [""] * len(drivable)
     lateral, along, turned = (
-        values.tolist() for values in (projection.beside, projection.along, projection.turned)
+        values.tolist()
+        for values in (projection.lateral_offset, projection.along, projection.turned)
     )
     for j in np.flatnonzero(~drivable).tolist():
         reasons[j] = _refusal(lateral[j], -along[j], turned[j], heading, limits)

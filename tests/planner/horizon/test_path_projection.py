@@ -32,10 +32,10 @@ def test_place_on_a_straight_line() -> None:
     assert (projection.x[0], projection.y[0]) == pytest.approx((3.1, 0.0))
     assert projection.along[0] == pytest.approx(3.1)
     assert projection.remaining[0] == pytest.approx(6.9)
-    assert projection.beside[0] == pytest.approx(0.2)
+    assert projection.lateral_offset[0] == pytest.approx(0.2)
     assert projection.turned == pytest.approx([0.0, np.pi / 2])
     assert projection.along[1] == pytest.approx(-0.2)
-    assert projection.beside[1] == pytest.approx(3.1)
+    assert projection.lateral_offset[1] == pytest.approx(3.1)
 
 
 def test_at_a_crossing_the_branch_in_the_heading() -> None:
