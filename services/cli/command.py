@@ -33,16 +33,20 @@ class ExitStatus(IntEnum):
     STOPPED = 130
 
 
-def schema_of(summary: str) -> Any:
-    """The option `--json-schema` of a command; summary: MODULE.TYPE of the services' results."""
+def schema_of(*summaries: str) -> Any:
+    """The option `--json-schema` of a command; summaries: MODULE.TYPE of the services' results."""
 
     def print_schema(is_asked: bool) -> None:
         if is_asked:
             import msgspec
 
-            module, _, kind = summary.rpartition(".")
-            summary_type = getattr(import_module(f"slopewise.services.{module}"), kind)
-            echo(json.dumps(msgspec.json.schema(summary_type), indent=1))
+            parts = [summary.rpartition(".") for summary in summaries]
+            kinds = [
+                getattr(import_module(f"slopewise.services.{m}"), kind) for m, _, kind in parts
+            ]
+            schemas, definitions = msgspec.json.schema_components(kinds)
+            either = schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
+            echo(json.dumps({**either, "$defs": definitions}, indent=1))
             raise typer.Exit
 
     return typer.Option(

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from slopewise.models.arrays import Floats
     from slopewise.services.io.drive_log import DriveLog
+    from slopewise.services.jobs.played_log import PlayedLog
     from slopewise.services.wire.observations import DriveSamples
-    from slopewise.services.wire.parameter_messages import ParameterReply
 
 _BATCH = 0.25
 """Duration of the samples that are sent together [s]; an observation may be later than that."""
@@ -48,7 +48,9 @@ def replay(
     model: Annotated[str, option("Model file, with --plan.", "M.toml", "--model", "-m")] = "",
     report: options.Report = None,
     as_json: options.AsJson = False,
-    json_schema: Annotated[bool, schema_of("jobs.replay_summary.ReplaySummary")] = False,
+    json_schema: Annotated[
+        bool, schema_of("jobs.played_log.PlayedLog", "jobs.replay_summary.ReplaySummary")
+    ] = False,
 ) -> None:
     """Play recorded drives to a running service, and report what it learned from them.
 
@@ -65,6 +67,7 @@ def replay(
     """
     from slopewise.services.cli.ask import ask
     from slopewise.services.io.drive_log import read_logs
+    from slopewise.services.jobs.played_log import played_log
     from slopewise.services.wire.connect import client_session
     from slopewise.services.wire.parameter_messages import ParameterReply
 
@@ -84,8 +87,8 @@ def replay(
         receipts = _play(log, session, namespace, speed_up, timeout)
         took = time.monotonic() - begin
         after = ask(session, key, ParameterReply, None, timeout, key)
-    summary = _summary(log, took, receipts, before, after)
-    print_result(as_json, summary, _tables(summary))
+    played = played_log(log, took, receipts, before, after)
+    print_result(as_json, played, _tables(played))
 
 
 def _replay_plan(
@@ -184,61 +187,27 @@ def _samples(log: DriveLog, rows: slice, source: str, sequence: int) -> DriveSam
     )
 
 
-def _summary(
-    log: DriveLog,
-    took: float,
-    receipts: Counter[tuple[str, str]],
-    before: ParameterReply,
-    after: ParameterReply,
-) -> dict[str, Any]:
-    t = log.columns["t"]
-    earlier = {group.group: group.values for group in before.groups}
-    return {
-        "samples": len(t),
-        "driven": float(sum(t[part.stop - 1] - t[part.start] for part in log.runs)),
-        "took": took,
-        "receipts": [
-            {"status": status, "reason": reason, "batches": count}
-            for (status, reason), count in sorted(receipts.items())
-        ],
-        "version": {"before": before.version, "after": after.version},
-        "learned": {
-            g.group: {
-                "valid": g.valid,
-                "cause": g.cause,
-                "before": earlier.get(g.group, {}),
-                "after": g.values,
-                "stds": g.stds,
-            }
-            for g in after.groups
-        },
-    }
-
-
-def _tables(summary: dict[str, Any]) -> Iterator[Any]:
+def _tables(played: PlayedLog) -> Iterator[Any]:
     """One row per parameter that changed, and the receipts of rejected samples."""
-    factor = summary["driven"] / max(summary["took"], 1e-9)
-    version = summary["version"]
+    factor = played.driven / max(played.took, 1e-9)
     yield (
-        f"{plural(summary['samples'], 'sample')}, {summary['driven']:.0f} s of driving in "
-        f"{summary['took']:.1f} s ({factor:.0f}-fold); "
-        f"version {version['before']} → {version['after']}"
+        f"{plural(played.samples, 'sample')}, {played.driven:.0f} s of driving in "
+        f"{played.took:.1f} s ({factor:.0f}-fold); "
+        f"version {played.version.before} → {played.version.after}"
     )
     rows = []
-    for name, group in summary["learned"].items():
-        before, stds = group["before"], group["stds"]
-        for parameter, value in group["after"].items():
-            if before.get(parameter) != value:
-                earlier = number(before.get(parameter), ".4g")
-                std = number(stds.get(parameter), ".2g")
-                valid = "yes" if group["valid"] else "no"
+    for name, group in played.learned.items():
+        for parameter, value in group.after.items():
+            if group.before.get(parameter) != value:
+                earlier = number(group.before.get(parameter), ".4g")
+                std = number(group.stds.get(parameter), ".2g")
+                valid = "yes" if group.valid else "no"
                 rows.append((name, parameter, earlier, f"{value:.4g}", std, valid))
     if rows:
         head = ("group", "parameter", "before", "after", "± std", "valid")
         yield from table(head, rows, title="what was learned", left=("parameter",))
     else:
         yield "no parameter was changed"
-    for receipt in summary["receipts"]:
-        if receipt["status"] != "taken":
-            count = plural(receipt["batches"], "batch")
-            yield line(f"{count} {receipt['status']}: {receipt['reason']}")
+    for receipt in played.receipts:
+        if receipt.status != "taken":
+            yield line(f"{plural(receipt.batches, 'batch')} {receipt.status}: {receipt.reason}")

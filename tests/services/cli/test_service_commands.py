@@ -112,6 +112,8 @@ def test_replay_learns_faster_than_the_drive(robot: Robot, tmp_path: Path) -> No
     assert summary["took"] < 0.2 * summary["driven"]
     assert summary["version"]["after"] > summary["version"]["before"]
     assert {entry["status"] for entry in summary["receipts"]} == {"taken"}
+    schema = json.loads(here("replay", "--json-schema").stdout)
+    assert schema["$defs"]["PlayedLog"]["required"] == list(summary)
     braking = summary["learned"]["braking"]
     for speed in (1.5, 3.0):
         true = speed * DEAD_TIME + speed**2 / (2.0 * G * FORCE)
