@@ -131,8 +131,6 @@ def _known_heights(heights: Floats) -> Floats:
             "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
         )
     elevation[np.isinf(elevation) | np.ma.getmask(heights)] = np.nan
-    if np.isnan(elevation).all():
-        raise ParameterError("elevation", "at least one known cell, all are unknown")
     largest = max(np.fmax.reduce(elevation, axis=None), -np.fmin.reduce(elevation, axis=None))
     if largest >= MAX_HEIGHT:
         row, column = np.argwhere(np.abs(elevation) >= MAX_HEIGHT)[0]

@@ -50,7 +50,7 @@ def averaged(heights: ElevationMap, wheel_radius: float) -> ElevationMap:
 
 def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floats:
     margin = windows.reach * windows.stride
-    level = float(elevation[np.isfinite(elevation)][0])
+    level = float(elevation[np.isfinite(elevation)][:1].sum())  # 0 if all are unknown
     z = np.pad(elevation - level, margin, constant_values=np.nan)
     inner = (slice(margin, -margin), slice(margin, -margin))
     rows, columns = elevation.shape

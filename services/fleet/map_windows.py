@@ -77,13 +77,8 @@ def _size(cells: Cells | None) -> int:
 def ground_in(ground: GeotiffWindows, cells: Cells) -> ElevationMap:
     """Ground of a window, unknown cells included."""
     part = ground.info.part(*cells)
-    heights = ground.read(*cells)
-    if not np.isfinite(heights).any():
-        # A map requires a known cell: behind the window, where no wheel reaches.
-        heights = np.pad(heights, ((0, 2), (0, 0)), constant_values=np.nan)
-        heights[-1, -1] = 0.0
     return ElevationMap(
-        elevation=heights,
+        elevation=ground.read(*cells),
         resolution=part.resolution,
         origin=part.origin,
         height_std=ground.height_std,

@@ -137,7 +137,7 @@ class ObstacleLayers:
         """Compute them; some milliseconds for a map of 300 x 300 cells."""
         self.noise = SIGNIFICANCE * averaged_noise(ground, vehicle.wheel_radius)
         elevation = ground.elevation
-        self.datum = float(elevation[np.isfinite(elevation)][0])
+        self.datum = float(elevation[np.isfinite(elevation)][:1].sum())  # 0 if all are unknown
         z: Floats = (elevation - self.datum).astype(np.float32)
         block = max(math.ceil(SPACING / ground.resolution - 1e-9), 1)
         self.cell = block * ground.resolution

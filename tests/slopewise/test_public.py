@@ -124,6 +124,20 @@ def test_a_quantile_makes_plans_slower(hill: slopewise.ElevationMap) -> None:
     assert margins > mean
 
 
+@pytest.mark.parametrize("cell", [0.1, 1.0])
+def test_ground_that_is_unknown_throughout_is_not_driven(cell: float) -> None:
+    heights = np.full((round(40.0 / cell),) * 2, np.nan)
+    unknown = slopewise.ElevationMap(
+        elevation=heights, resolution=cell, origin=(0, 0), height_std=0.02
+    )
+    known, model = replace(unknown, elevation=np.zeros_like(heights)), slopewise.read_model("atv")
+    (plan,) = slopewise.plan(model, unknown, [straight(20.0)])
+    assert (plan.status.value, plan.progress) == ("blocked", 0.0)
+    assert slopewise.guard_decision(model, unknown, (9.0, 20.0, 0.0), 1.0, (1.0, 0.0)).brake
+    (plan,) = slopewise.plan(model, known, [straight(20.0)])
+    assert not slopewise.check_plan(plan, model, unknown).valid
+
+
 def test_files_by_name_and_path(hill: slopewise.ElevationMap, tmp_path: Path) -> None:
     write_map_npz(hill, tmp_path / "hill.npz")
     again = slopewise.read_map(str(tmp_path / "hill.npz"))

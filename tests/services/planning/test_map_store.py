@@ -47,6 +47,16 @@ def test_patches_change_their_cells_only() -> None:
     assert not store.snapshot.incomplete
 
 
+@pytest.mark.parametrize("patch", [False, True])
+def test_a_mapper_may_know_nothing_any_more(*, patch: bool) -> None:
+    store = MapStore()
+    store.apply(update(1), "map")
+    assert store.apply(update(2, patch=patch, elevation=np.full((20, 20), np.nan)), "map")
+    assert np.isnan(store.snapshot.elevation_map.elevation).all()
+    assert store.apply(update(3, **PATCH), "map")
+    assert height(store) == 1.0
+
+
 @pytest.mark.parametrize("others_wait", [False, True])
 def test_maps_are_averaged_before_they_come_into_use(
     monkeypatch: pytest.MonkeyPatch, *, others_wait: bool
@@ -71,8 +81,6 @@ def test_maps_are_averaged_before_they_come_into_use(
         ({"height_std": 1e308}, "height_std"),
         ({"height_std": float("nan")}, "height_std"),
         ({"height_std": 11.0, **PATCH}, "height_std"),
-        ({"elevation": np.full((4, 4), np.nan)}, "elevation"),
-        ({"elevation": np.full((4, 4), 1e300)}, "elevation"),
         ({"elevation": np.zeros((1, 3))}, "elevation"),
         ({"terrain_class": np.full((20, 20), 3.0), "class_names": ["", "a"]}, "terrain_class"),
         ({"terrain_class": np.full((20, 20), np.nan)}, "terrain_class"),
