@@ -113,11 +113,26 @@ def _log_of_tables(tables: Sequence[Table]) -> DriveLog:
         runs += (slice(begin + run.start, begin + run.stop) for run in table_runs)
         sources += [table.source] * len(table_runs)
         begin += len(columns["t"])
+    _check_repeated(joined, runs, sources)
     t = joined["t"]
     one_clock = all(t[a.stop - 1] < t[b.start] for a, b in itertools.pairwise(runs))
     for column in joined.values():
         column.flags.writeable = False
     return DriveLog(joined, tuple(runs), tuple(sources), one_clock, _notes(tables))
+
+
+def _check_repeated(
+    columns: dict[str, NDArray[Any]], runs: Sequence[slice], sources: Sequence[str]
+) -> None:
+    """No drive is given twice: its stops would count as more evidence than there is."""
+    seen: dict[int, int] = {}
+    for i, run in enumerate(runs):
+        t, v = columns["t"][run], columns["v"][run]
+        first = seen.setdefault(hash((t.tobytes(), v.tobytes())), i)
+        if first != i and np.any(v != v[0]):
+            name, same = columns["run"][run.start], columns["run"][runs[first].start]
+            expected = f"expected each drive once, got run {same} of {sources[first]} again"
+            raise fault(sources[i], f"run {name}", expected)
 
 
 def _notes(tables: Sequence[Table]) -> tuple[str, ...]:

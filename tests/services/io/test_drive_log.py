@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slopewise.models.errors import InputError
 from slopewise.services.io.drive_log import read_drive_log
 from slopewise.services.jobs.log_input import LogInput
 from tests.services.faults import fault_in
@@ -52,6 +53,16 @@ def test_several_files_are_one_log(tmp_path: Path) -> None:
     assert log.columns["terrain"].tolist()[-2:] == ["", ""]
     assert np.isnan(log.columns["temperature"][-2:]).all()
     assert not read_drive_log([b, a]).one_clock
+
+
+def test_a_drive_is_not_counted_twice(tmp_path: Path) -> None:
+    rows = "\n{r},0,1,1,0\n{r},1,0.5,0,0"
+    a = written(tmp_path / "a.csv", HEADER + rows.format(r="x"))
+    copy = written(tmp_path / "copy.csv", HEADER + rows.format(r="y"))
+    with pytest.raises(InputError, match=r"copy.csv: run y: expected each .* run x of .*a.csv"):
+        read_drive_log([a, copy])
+    still = written(tmp_path / "still.csv", f"{HEADER}\n1,0,0,0,0\n2,0,0,0,0")
+    assert len(read_drive_log([a, still]).runs) == 3
 
 
 def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
