@@ -63,6 +63,10 @@ def test_a_drive_is_not_counted_twice(tmp_path: Path) -> None:
         read_drive_log([a, copy])
     still = written(tmp_path / "still.csv", f"{HEADER}\n1,0,0,0,0\n2,0,0,0,0")
     assert len(read_drive_log([a, still]).runs) == 3
+    simulated = written(
+        tmp_path / "simulated.csv", HEADER + rows.format(r="x") + rows.format(r="y")
+    )
+    assert len(read_drive_log([simulated]).runs) == 2
 
 
 def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
