@@ -1,6 +1,7 @@
 """Plays the commands of a page: unchanged, in one folder, with the extras that the page installs.
 
-Changed are only ports, the length of a demonstration, and what `make` installs before it runs.
+Changed are only ports, the length of a demonstration, how many processes work for a fleet, and what
+`make` installs before it runs.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import zenoh
 
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.docs.shown import ROOT, Shown, environment, hidden, run, sizes
+from tests.docs.shown import ROOT, Shown, environment, hidden, sizes
 from tests.services.service_process import free_port
 from tests.services.warm_process import WarmProcess
 
@@ -100,13 +101,9 @@ class Player:
     def _command(self, command: Shown, arguments: list[str]) -> None:
         if arguments[0] in ASKS:
             arguments = [*arguments, *self._service()]
-        if arguments[:2] == ["fleet", "plan"]:  # a forked process may have no workers
-            program = (sys.executable, "-m", "slopewise", *arguments)
-            done = run(self.folder, *program, extras=command.extras)
-        else:
-            if arguments[0] == "fleet":  # any number of workers does the same
-                arguments += ["--workers", "0"]
-            done = self._warm(command, arguments).finished(300.0)
+        if arguments[0] == "fleet":  # any number of workers does the same
+            arguments += ["--workers", "0"]
+        done = self._warm(command, arguments).finished(300.0)
         assert done.returncode in (0, 3), f"{command.line}: {done.stdout}{done.stderr}"
         assert "pip install" not in done.stderr, done.stderr
         self.exports[command.line] = done.stdout

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -119,13 +118,3 @@ def environment(folder: Path, extras: Sequence[str] = ()) -> dict[str, str]:
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}",
         "COLUMNS": "80",
     }
-
-
-def run(
-    folder: Path, *arguments: str, extras: Sequence[str] = ()
-) -> subprocess.CompletedProcess[str]:
-    """To its end, in a folder."""
-    outside = environment(folder, extras)
-    return subprocess.run(
-        arguments, cwd=folder, env=outside, capture_output=True, text=True, timeout=600
-    )

@@ -2,10 +2,8 @@ from __future__ import annotations
 
 import os
 
-import dask
 import pytest
 import threadpoolctl
-from distributed import KilledWorker
 
 from slopewise.services.fleet.scheduler import Workers, each_done
 
@@ -28,6 +26,8 @@ def threads() -> int:
 
 def test_a_task_that_workers_die_of_is_given_up_and_the_others_are_done() -> None:
     """Each of them on one thread of linear algebra."""
+    import dask
+
     tasks = [(str(i), i) for i in range(6)]
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
         done = list(each_done(doubled, tasks, Workers(1), lambda number: -number))
@@ -36,6 +36,9 @@ def test_a_task_that_workers_die_of_is_given_up_and_the_others_are_done() -> Non
 
 @pytest.mark.nightly  # the other end of the same task, in another cluster
 def test_a_task_that_workers_die_of_without_a_substitute_ends_all() -> None:
+    import dask
+    from distributed import KilledWorker
+
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         pytest.raises(KilledWorker),
