@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from tests.services.parameter_client import FORMAT, Robot, block, ground, send_ground
-from tests.services.robot_plant import Surface, Vehicle
+from tests.services.parameter_client import FORMAT, Robot, ground, send_ground
 from tests.services.service_process import running, until
 
 G = 9.80665
@@ -141,22 +140,3 @@ def test_surfaces_that_the_map_names_are_learned_separately(robot: Robot) -> Non
     send_ground(robot)
     robot.stop(0.1 * G, surface="ice")
     assert robot.group("braking")["version"] > 1, "without names the base stands for the ground"
-
-
-def test_labels_and_samples_are_learned_from(robot: Robot) -> None:
-    robot.send("terrain", robot.fields(surface="grass"))
-    vehicle = Vehicle(seed=3)
-    for _ in range(4):
-        _, samples = vehicle.stop(Surface(0.2), 2.0)
-        values = np.stack(list(samples.values()))
-        for part in np.array_split(values, 7, axis=1):
-            receipt = robot.send("drive", robot.fields(columns=list(samples), values=block(part)))
-            assert receipt["status"] == "taken"
-    group = robot.group("braking.grass")
-    assert robot.level_force("braking.grass") == pytest.approx(0.2, rel=0.05)
-    assert group["notes"]["stops believed"] >= 3  # words: ok
-    ragged = robot.fields(columns=["t", "v", "v_cmd", "pitch"], values=block(np.zeros(4)))
-    assert "values" in robot.send("drive", ragged)["reason"]
-    receipt = robot.send("terrain", robot.fields(surface="mud"))
-    assert receipt["status"] == "taken"
-    assert robot.group()["cause"].endswith("ground is mud")

@@ -309,7 +309,7 @@ def test_own_samples_give_no_name_and_plans_use_the_weakest_surface_left_open() 
 
 
 def test_the_service_publishes_what_the_description_leaves() -> None:
-    model = with_surfaces(asphalt=0.18, beach_sand=0.15)
+    model = with_surfaces(asphalt=0.18, beach_sand=0.15, elsewhere=0.1)
     service = started("", model, terrains="husky")
     assert not service.active.model.braking.states_of("")
     log = plant.drive([(3.0, 0.0, 0.0)], plant.DIRT)
@@ -317,12 +317,6 @@ def test_the_service_publishes_what_the_description_leaves() -> None:
     assert receipt.status == "taken"
     assert service.active.model.braking.states_of("") == ("asphalt", "beach_sand")
     assert any("plans count with the base or asphalt" in flag for flag in service.active.flags)
-
-
-def test_undecided_ground_leaves_every_known_surface_open() -> None:
-    robot = learner(with_surfaces(asphalt=0.18, beach_sand=0.15, elsewhere=0.1), terrains="husky")
-    driven(robot, plant.drive([(3.0, 0.0, 0.0)], plant.DIRT))
-    assert robot.active()[0].braking.states_of("") == ("asphalt", "beach_sand")
 
 
 def test_a_vehicle_file_that_cannot_be_right_is_flagged() -> None:

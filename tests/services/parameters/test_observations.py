@@ -205,14 +205,6 @@ def test_a_restarted_count_is_accepted_after_a_few_messages_and_flagged() -> Non
     assert known.notices.active() == ["terrain observations of a: the source restarted its count"]
 
 
-def test_stored_messages_that_are_sent_late_are_no_restarted_count() -> None:
-    known = ObservationFilter(2.0)
-    for n in range(1, 30):
-        sent(known, n, 10.0 * n, 10.0 * n)
-    again = [sent(known, n, 10.0 * n, 400.0) for n in range(5, 20)]
-    assert set(again) <= {LATE, TWICE}
-
-
 def test_only_the_latest_sources_are_remembered() -> None:
     known = ObservationFilter(2.0)
     for n in range(3000):

@@ -208,15 +208,6 @@ def test_patches_after_a_restart_are_incomplete_until_the_next_whole_map() -> No
         assert store.snapshot.incomplete
 
 
-def test_the_same_maps_again_are_no_restart() -> None:
-    store = MapStore()
-    for n in range(1, 9):
-        store.apply(update(n, float(n)), "map")
-    for _ in range(3):
-        assert not any(store.apply(update(n, float(n)), "map") for n in range(1, 9))
-    assert height(store) == 8.0
-
-
 def test_the_age_of_a_map_counts_from_when_it_was_seen() -> None:
     store, ages = MapStore(), []
     for n, (seen, arrived) in enumerate([(5000.0, 0.0), (5001.0, 1.0), (5002.0, 12.0)]):
