@@ -134,6 +134,8 @@ def test_steered_wheels_may_lead_a_base_that_is_still_fast_onto_a_tighter_arc(dr
     result = decide(scene, motion(6.0), BaseCommand(2.4, 0.0), before=before, **values)
     assert result.action == ("stop" if drive == "ackermann" else "pass")
     assert decide(scene, motion(6.0), before[0], **values).action == "slow"
+    turning = motion(6.0)._replace(yaw_rate=-1.0)  # as measured, with any commands before
+    assert decide(scene, turning, BaseCommand(2.4, 0.0), **values).action == result.action
 
 
 @pytest.mark.parametrize(("speed", "requested", "rate"), FAST_IN_TURNS)

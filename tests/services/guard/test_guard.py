@@ -56,7 +56,7 @@ def test_clear_distance_shrinks_with_the_distance_driven() -> None:
     it.motions.take(motion(3.0), 1.4, "r", 2000)
     it.commands.take((BaseCommand(1.0, 0.0), 2000), 1.4, "p", 2000)
     assert it.decision(1.41).reason == "the clear distance ends 2.65 m ahead"
-    assert not it.clear(float("nan"), 1.42, "s", 2)
+    assert not any(it.clear(wrong, 1.42, "s", 2) for wrong in (float("nan"), -0.1))
 
 
 def test_clear_distance_shrinks_with_the_speed_that_was_measured_since() -> None:

@@ -42,3 +42,17 @@ def test_unknown_ground_stays_unknown_and_exact_maps_are_as_they_are() -> None:
     assert WheelHeights(ground(heights, 0.03), VEHICLE).at(X, Y) == pytest.approx(
         height_of(ground(heights, 0.03), X, Y), abs=0.02, nan_ok=True
     )
+
+
+@pytest.mark.parametrize("heading", [1.0, -1.0])
+def test_a_gap_between_two_rims_is_bridged_and_the_edge_of_a_drop_is_no_support(
+    heading: float,
+) -> None:
+    gap = np.where(np.isclose(EAST, 5.0), -0.5, 0.0)
+    drop = np.where(EAST > 5.05, -0.5, 0.0)
+    place = np.array([5.0]), np.array([5.0]), np.array([heading]), np.array([0.0])
+    sunk = 0.28 - np.sqrt(0.28**2 - 0.1**2)
+    # Places of the rim that are checked lie a little beyond the edges of the gap.
+    assert -0.05 < WheelHeights(ground(gap, 0.0), VEHICLE).contact(*place)[0] <= -sunk
+    below = (place[0] + 0.12, *place[1:])
+    assert WheelHeights(ground(drop, 0.0), VEHICLE).contact(*below) == pytest.approx(-0.5)
