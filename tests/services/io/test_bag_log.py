@@ -17,7 +17,7 @@ rosbags = pytest.importorskip("rosbags", reason="the ros extra is not installed"
 
 from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
 
-from slopewise.services.io.bags import typestore  # noqa: E402
+from slopewise.services.io.bags import attitude, typestore  # noqa: E402
 from tests.services.ros.ros_messages import command, imu, joints, odometry  # noqa: E402
 
 BEGIN = 1_700_000_000_000_000_000  # [ns]
@@ -146,3 +146,10 @@ def test_what_is_not_certain_is_not_guessed(tmp_path: Path) -> None:
     bag = written(tmp_path / "b", StoragePlugin.MCAP, {"/cmd_vel": "/a"}, "/b")
     with pytest.raises(InputError, match=r"v_cmd of .* is not recorded, expected one of /a, /b"):
         read_logs([bag])
+
+
+@pytest.mark.parametrize("axis", range(3), ids=["roll", "pitch", "yaw"])
+def test_a_quaternion_about_one_axis_is_its_angle(axis: int) -> None:
+    angles = np.zeros(3)
+    angles[axis] = 1.0
+    assert attitude(np.cos(0.5), *(np.sin(0.5) * angles)) == pytest.approx(angles.tolist())

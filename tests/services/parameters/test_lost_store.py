@@ -138,6 +138,18 @@ def test_without_either_the_file_counts_as_if_it_had_aged(
     again.close()
 
 
+def test_a_copy_in_which_a_digit_changed_is_not_planned_with(store: Path) -> None:
+    weak(store)
+    HURT["empty"](store)
+    content = copy_path(store).read_bytes()
+    changed = content.replace(b'"dead_time": 0.3', b'"dead_time": 0.2')
+    assert changed != content
+    copy_path(store).write_bytes(changed)
+    again = started(store)
+    assert flagged(again, "braking: what was learned is lost")
+    again.close()
+
+
 def test_changes_that_a_store_lost_are_read_from_the_copy(store: Path) -> None:
     first = started(store)
     stopped(first, 1, 0.42)
