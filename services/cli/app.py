@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 from functools import cache
+from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
@@ -95,6 +96,9 @@ def _root(
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its status."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a locale such as latin-1 lacks some signs
+            stream.reconfigure(errors="replace")
     try:
         status = _command_of(app)(args=arguments, prog_name="slopewise", standalone_mode=False)
     except _UsageError as error:

@@ -93,6 +93,13 @@ def test_a_command_without_arguments_prints_its_help_alone(arguments: tuple[str,
     assert (done.stderr, done.returncode) == ("", 2)
 
 
+def test_signs_that_a_terminal_lacks_end_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", "latin-1")
+    done = slopewise("terrain", "--help", fresh=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "LOG?" in done.stdout
+
+
 def test_version_is_printed() -> None:
     assert here("--version").stdout.startswith("slopewise ")
     assert app.app.info.name == "slopewise"
