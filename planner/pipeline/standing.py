@@ -16,8 +16,9 @@ from slopewise.planner.plan import Status
 
 AT_SIDE = "next to the path, within the band of tracking errors"
 
-_SHORT_BY_LITTLE = 1.0
-"""Distance from the end of its path at which a plan may rest, besides what stops keep free [m]."""
+_SHORT_BY_LITTLE, _SHORT_BY_MOST = 1.0, 2.9
+"""Distances from the end of its path at which a plan may rest, besides what stops keep free; and
+besides their offset alone, as errors of a map may keep free what is no end any more [m]."""
 
 
 def standing(column: CandidateColumn) -> tuple[Status, str]:
@@ -55,7 +56,8 @@ def stop_reason(
         free_ahead = column.offset + errors.along_track + fall
         # Where brakes cannot hold, say, it rests for that, however near the end.
         blocking = (column.bound[k:-1] <= 0.0) & (column.label[k:-1] != Limiting.STOPPING_PATH)
-        if short <= free_ahead + _SHORT_BY_LITTLE and not blocking.any():
+        at_end = min(free_ahead + _SHORT_BY_LITTLE, column.offset + _SHORT_BY_MOST)
+        if short <= at_end and not blocking.any():
             return status, cause
         cause = Limiting(int(column.label[k])).label
         if column.at_side[k]:

@@ -138,6 +138,17 @@ def test_ground_that_is_unknown_throughout_is_not_driven(cell: float) -> None:
     assert not slopewise.check_plan(plan, model, unknown).valid
 
 
+def test_a_plan_that_ends_metres_before_its_path_is_not_ok() -> None:
+    heights = np.tile(np.arange(40.0) * np.tan(np.deg2rad(-8.0)), (40, 1))
+    ground = slopewise.ElevationMap(
+        elevation=heights, resolution=1.0, origin=(0, 0), height_std=0.1
+    )
+    model = slopewise.read_model("husky")
+    (plan,) = slopewise.plan(model, ground, [straight(20.0)])
+    assert plan.status.value == "blocked"
+    assert slopewise.check_plan(plan, model, ground).valid
+
+
 def test_files_by_name_and_path(hill: slopewise.ElevationMap, tmp_path: Path) -> None:
     write_map_npz(hill, tmp_path / "hill.npz")
     again = slopewise.read_map(str(tmp_path / "hill.npz"))
