@@ -152,6 +152,21 @@ def test_no_bound_is_left_out() -> None:
     assert list(BOUNDS) == list(Limiting)
 
 
+def test_an_axle_that_would_lift_ahead_is_no_rollover() -> None:
+    gravel = {"b_b": 0.4, "m_b": 0.08}
+    tables = tables_with(
+        vehicle={"cg_z": 0.8}, braking={"dead_time": 0.75, "terrain": {"gravel": gravel}}
+    )
+    ground = ground_map(
+        lambda x, y: 0.0 * x,
+        classes=lambda x, y: (abs(x - 10.0) < 0.4).astype(int),
+        class_names=("", "gravel"),
+    )
+    named = labels(plan_one(tables, ground, straight(30.0), start_speed=3.0))
+    assert "tip_over" in named
+    assert "rollover" not in named
+
+
 @pytest.mark.parametrize("limiting", Limiting)
 def test_what_the_registry_says_of_a_bound_is_there(limiting: Limiting) -> None:
     """Its law can be found, its label and colours can be shown, and a what-if run can lift it."""

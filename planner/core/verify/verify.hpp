@@ -185,9 +185,10 @@ class Verifier {
 
   bool judge_loads(const Shares& shares) noexcept {
     const double needed = terms_.limits.min_load;
-    bool bad = breaks(Breach::axle_load, needed - shares.axle);
-    bad |= breaks(Breach::side_load, needed - shares.side);
+    bool bad = breaks(Breach::side_load, needed - shares.side);
     bad |= breaks(Breach::wheel_load, needed - shares.wheel);
+    // Last, which names the bound: where an axle lifts, its wheels lack load as well.
+    bad |= breaks(Breach::axle_load, needed - shares.axle);
     return bad;
   }
 
