@@ -1,6 +1,6 @@
 """One lasting change during a log, F_b/W → scale F_b/W + δ from a run on: payload, brakes repaired.
 
-What is planned comes after the log: there it holds everywhere.
+What is planned comes after the log: there it holds everywhere. Effects by place are not scaled.
 """
 
 from __future__ import annotations
