@@ -99,6 +99,8 @@ def main(arguments: list[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a locale such as latin-1 lacks some signs
             stream.reconfigure(errors="replace")
+    if os.environ.get("COLUMNS") == "0":
+        del os.environ["COLUMNS"]  # tables of no width would have no text
     try:
         status = _command_of(app)(args=arguments, prog_name="slopewise", standalone_mode=False)
     except _UsageError as error:

@@ -111,11 +111,11 @@ class ParameterHistory:
 
     def _open(self) -> None:
         s, path = self._settings, self._path
-        was_there, copy = path.exists(), read_copy(path)
+        was_there, had_copy, copy = path.exists(), copy_path(path).exists(), read_copy(path)
         store: Store | None = None
         try:
             store = Store(path, max_bytes=int(1e6 * s.megabytes), max_changes=int(s.changes))
-            self._recover(store, copy)
+            self._recover(store, copy, is_lost=had_copy and not was_there)
         except StoreError as error:
             if store is not None:
                 store.close()
@@ -124,7 +124,7 @@ class ParameterHistory:
             if copy is not None:
                 self.memory = Memory.COPY
                 self.version = max([self.version, *(c.version for c in copy.changes)])
-            elif was_there:
+            elif was_there or had_copy:
                 self.memory = Memory.LOST
             self._fail(error)
             return
@@ -134,8 +134,8 @@ class ParameterHistory:
         if store.fingerprints() - {self._fingerprint} and not store.groups(self._fingerprint):
             self.notes.append("the stored parameters are of another vehicle: not used")
 
-    def _recover(self, store: Store, copy: StoreCopy | None) -> None:
-        """Write the changes that only the copy holds to a store that lost them."""
+    def _recover(self, store: Store, copy: StoreCopy | None, *, is_lost: bool) -> None:
+        """Write the changes that only the copy holds to a store that lost them, or is new."""
         last = store.last_version()
         missing = [] if copy is None else [c for c in copy.changes if c.version > last]
         self.memory = Memory.STORE
@@ -146,7 +146,7 @@ class ParameterHistory:
             self.memory = Memory.COPY
             note = "changes are missing in the stored parameters, the newest of each group are"
             self.notes.append(f"{note} from {copy_path(self._path).name}")
-        elif store.lost and copy is None:
+        elif copy is None and (store.lost or is_lost):
             self.memory = Memory.LOST
             self.notes.append("what was learned and set before is gone")
 

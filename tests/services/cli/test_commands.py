@@ -93,8 +93,11 @@ def test_a_command_without_arguments_prints_its_help_alone(arguments: tuple[str,
     assert (done.stderr, done.returncode) == ("", 2)
 
 
-def test_signs_that_a_terminal_lacks_end_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_without_a_width_or_some_signs_gets_its_text(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("PYTHONIOENCODING", "latin-1")
+    monkeypatch.setenv("COLUMNS", "0")
     done = slopewise("terrain", "--help", fresh=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert "LOG?" in done.stdout

@@ -112,7 +112,13 @@ def test_a_copy_is_used_below_the_model_file_only(store: Path, hurt: str) -> Non
 
 @pytest.mark.parametrize(
     ("hurt", "copy"),
-    [("empty", "one byte"), ("empty", "deleted"), ("cut off", "noise"), ("noise", "cut off")],
+    [
+        ("empty", "one byte"),
+        ("empty", "deleted"),
+        ("cut off", "noise"),
+        ("noise", "cut off"),
+        ("deleted", "noise"),
+    ],
 )
 def test_without_either_the_file_counts_as_if_it_had_aged(
     store: Path, hurt: str, copy: str
