@@ -1,8 +1,9 @@
 """The onset and the noise, fitted under each explanation.
 
-All four numbers of the onset are moved together, from a short and from a long build-up, the noise
-in between. Then the evidence is followed over all build-ups, so that no start decides between a
-lag and none.
+All four numbers of the onset are moved together, the noise in between, from the onset of another
+explanation or a quick one, and from a lag: under an explanation that lacks an effect, a slow swing
+of the body and a large residual at the onset can pass for a lag, and no path leads back from there.
+Then the evidence is followed over all build-ups.
 """
 
 from __future__ import annotations
@@ -97,6 +98,10 @@ class Problem:
         """All columns integrated out at a state."""
         return self.solve(*self.grams(onset), noise)
 
+    def evidence(self, onset: Onset, noise: Floats) -> float:
+        """Of a state, with the prior of its noise."""
+        return self.at(onset, noise).evidence + of_noise(noise)
+
     def settled(self, onset: Onset, noise: Floats) -> tuple[Onset, Solved]:
         """With the dead time where it belongs."""
         best = onset, self.at(onset, noise)
@@ -156,12 +161,18 @@ def fit(
 ) -> Fit:
     """Fit onset and noise under an explanation, from those of others where there are any."""
     problem = Problem(trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
+    noise, typical_lag = _noise_before(trace), float(np.sqrt(np.prod(prior.LAG)))
+    tried = [(_typical(problem, typical_lag, noise), noise)]
     if starts:
         states = [(s.onsets[s.best], s.noise) for s in starts]
-        onset, noise = max(states, key=lambda s: problem.at(*s).evidence)
+        tried.append(max(states, key=lambda s: problem.at(*s).evidence))
     else:
-        onset, noise = _first(problem)
-    return _followed(problem, log_prior, *_converged(problem, onset, noise))
+        tried.append((_typical(problem, prior.BUILD_UP, noise), noise))
+    tried = [(onset, problem.noise(onset, noise)) for onset, noise in tried]
+    min_evidence = max(problem.evidence(*state) for state in tried) - HOPELESS
+    fitted = [_converged(problem, *s) for s in tried if problem.evidence(*s) > min_evidence]
+    best = max(fitted, key=lambda s: problem.evidence(*s))
+    return _followed(problem, log_prior, *best)
 
 
 def quick_fit(book: Dictionary, chosen: Sequence[Candidate], log_prior: float, near: Fit) -> Fit:
@@ -183,45 +194,30 @@ def quick_fit(book: Dictionary, chosen: Sequence[Candidate], log_prior: float, n
     )
 
 
-def _first(problem: Problem) -> tuple[Onset, Floats]:
-    """The better one of a quick onset and a lagging one, at usual noise."""
-    table, noise = problem.trace.table, prior.NOISE.copy()
-    total = table.onset + prior.BUILD_UP
+def _noise_before(trace: Trace) -> Floats:
+    """(6,) with the scatter of the stops."""
+    noise, force = prior.NOISE.copy(), trace.table.force
     # Wild stops would hide in waves and axes before their scatter was found.
-    deviation = np.median(np.abs(table.force - np.median(table.force)))
-    noise[1] = max(float(deviation) / problem.trace.force, noise[1])
-    tried = [
-        max(
-            (
-                problem.settled(Onset(total - 0.7 * tau, tau, oscillation), noise)
-                for oscillation in _OSCILLATIONS
-            ),
-            key=lambda t: t[1].evidence,
-        )[0]
-        for tau in (prior.BUILD_UP, prior.LAG[0])
-    ]
-    near = [problem.at(onset, noise).evidence for onset in tried]
-    min_evidence = max(near) - HOPELESS
-    fitted = [
-        problem.onset(onset, noise)
-        for onset, evidence in zip(tried, near, strict=True)
-        if evidence > min_evidence
-    ]
-    return max(fitted, key=lambda o: problem.at(o, noise).evidence), noise
+    deviation = np.median(np.abs(force - np.median(force)))
+    noise[1] = max(float(deviation) / trace.force, noise[1])
+    return noise
+
+
+def _typical(problem: Problem, build_up: float, noise: Floats) -> Onset:
+    """The likeliest onset with a build-up, of some bodies."""
+    dead_time = problem.trace.table.onset + prior.BUILD_UP - 0.7 * build_up
+    tried = [problem.settled(Onset(dead_time, build_up, f), noise) for f in _OSCILLATIONS]
+    return max(tried, key=lambda t: t[1].evidence)[0]
 
 
 def _converged(problem: Problem, onset: Onset, noise: Floats) -> tuple[Onset, Floats]:
     """Onset and noise in turns, until nothing is gained."""
-
-    def evidence(state: tuple[Onset, Floats]) -> float:
-        return problem.at(*state).evidence + of_noise(state[1])
-
-    best = (onset, problem.noise(onset, noise))
-    max_evidence = evidence(best)
+    best = (onset, noise)
+    max_evidence = problem.evidence(*best)
     for _ in range(_TURNS):
         onset = problem.onset(*best)
         state = (onset, problem.noise(onset, best[1]))
-        before, now = max_evidence, evidence(state)
+        before, now = max_evidence, problem.evidence(*state)
         if now > max_evidence:
             best, max_evidence = state, now
         if max_evidence < before + _GAIN:
