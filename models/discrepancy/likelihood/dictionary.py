@@ -58,9 +58,14 @@ class Candidate:
         return list(range(self.first, self.first + self.count))
 
     def can_join(self, candidate: Candidate) -> bool:
-        """Whether both may be in a set: a shape along an axis can be any effect along it."""
+        """Whether both may be in a set: a shape along an axis can be any effect along it.
+
+        An effect in one place can be in another one, too.
+        """
+        if self.named == candidate.named:
+            return self.name != candidate.name or "radius" in self.inner
         axes = [LAWS[c.name].axis if c.named else c.name for c in (self, candidate)]
-        return self.name != candidate.name and (self.named == candidate.named or axes[0] != axes[1])
+        return axes[0] != axes[1]
 
 
 def prior_of(chosen: Sequence[Candidate]) -> tuple[Floats, Floats]:

@@ -53,19 +53,20 @@ def settled(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, flo
 
 
 class _Gains:
-    """Evidence that shares of the weight add to all effects but one of a fit, at some noise."""
+    """Evidence that shares of the weight add to all effects of a fit but some."""
 
-    def __init__(self, fit: Fit, at: int, name: str, noise: Floats) -> None:
-        self.trace, self.onset, self.noise = fit.trace, fit.onsets[at], noise
-        rest = [c for c in fit.chosen if c.name != name]
-        usable = [c.name != name for c in fit.chosen for _ in range(c.count)]
+    def __init__(self, fit: Fit, at: int, without: Sequence[Candidate]) -> None:
+        self.trace, self.onset, self.noise = fit.trace, fit.onsets[at], fit.noise
+        left_out = {id(c) for c in without}
+        rest = [c for c in fit.chosen if id(c) not in left_out]
+        usable = [id(c) not in left_out for c in fit.chosen for _ in range(c.count)]
         columns = fit.extra.take(np.flatnonzero(usable).tolist())
         self.every, self.per_stop, std = columns_at(self.trace, self.onset, columns)
         rest_std, rest_centre = prior_of(rest)
         centre = np.concatenate([np.zeros(len(std)), rest_centre])
         std = np.concatenate([std, rest_std])
         grams = Grams.of(self.every, self.per_stop, self.trace.table.spread)
-        solutions = solved_both(grams, std, noise, self.trace.calibrated, centre)
+        solutions = solved_both(grams, std, self.noise, self.trace.calibrated, centre)
         self.best = max(solutions, key=lambda s: s.evidence)
         self.moment = Moment.of(self.trace.samples, self.onset)
 
@@ -129,18 +130,17 @@ def _climbed(gains: _Gains, circles: Floats) -> tuple[Floats, Floats]:
 
 
 def placed(
-    fit: Fit, at: int, noise: Floats, group: Sequence[Candidate]
+    fit: Fit, without: Sequence[Candidate], group: Sequence[Candidate]
 ) -> tuple[Candidate, Floats]:
     """The likeliest place between those of a grid, and (S, M, 1) its share.
 
     Its prior is that of the part of the field and of the radii where it is as likely.
 
     Args:
-        fit, at: the explanation to which it is added, without an earlier place of the same name.
-        noise: (6,) at which it is likeliest: a patch that is missing is taken for scatter.
-        group: the grid.
+        fit: the explanation to which it is added, at usual noise: a patch that is missing is taken
+            for scatter. without: candidates of it that it replaces. group: the grid.
     """
-    gains = _Gains(fit, at, group[0].name, noise)
+    gains = _Gains(fit, fit.best, without)
     grid = np.array([[c.inner[n] for n in _NUMBERS] for c in group])
     tried, gain = _climbed(gains, grid)
     best = int(np.argmax(gain))
@@ -160,7 +160,7 @@ def placed(
 
 
 def _patch(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
-    gains = _Gains(fit, at, candidate.name, fit.noise)
+    gains = _Gains(fit, at, [candidate])
     start = [[candidate.inner[name] for name in _NUMBERS]]
     grid = [[at[name] for name in _NUMBERS] for at, _ in circles(fit.trace.table)]
     tried, max_gain = np.array(start + grid), -np.inf
@@ -179,7 +179,7 @@ def _patch(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, floa
 
 def _change(fit: Fit, at: int, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
     search = LAWS[candidate.name].search
-    gains = _Gains(fit, at, candidate.name, fit.noise)
+    gains = _Gains(fit, at, [candidate])
     assert search is not None
     seen = stops_seen(gains.trace.table, Hypothesis.configured(gains.trace.model))
     runs = [(inner, share) for inner, share in search.columns(seen)]

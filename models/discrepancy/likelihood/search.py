@@ -35,9 +35,9 @@ class EffectSet:
     log_prior: float
 
     @property
-    def names(self) -> frozenset[str]:
-        """Names in it."""
-        return frozenset(c.name for c in self.chosen)
+    def names(self) -> tuple[str, ...]:
+        """Names in it, in order; that of an effect in two places twice."""
+        return tuple(sorted(c.name for c in self.chosen))
 
     @property
     def log_weight(self) -> float:
@@ -51,7 +51,7 @@ def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[EffectSe
     grams, std = grams_at(trace, fit.onsets[at], book.columns)
     solutions = solved_both(grams, std, fit.noise, trace.calibrated)
     nothing = EffectSet((), (solutions[0].evidence, solutions[1].evidence), 0.0)
-    best: dict[frozenset[str], EffectSet] = {}
+    best: dict[tuple[str, ...], EffectSet] = {}
     beam = [nothing]
     for depth in range(_DEPTH):
         for grown in [n for f in beam for n in _grown(f, book, solutions, depth)]:

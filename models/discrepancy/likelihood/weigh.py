@@ -62,7 +62,7 @@ def weighed(
     """
     trace = trace_of(table, model, spikes_of(table, model))
     book = dictionary_of(table, model, trace.used, trace.force, odds)
-    nothing = frozenset[str]()
+    nothing: tuple[str, ...] = ()
     known = {nothing: fit(trace, book, ())}
     advance(0.3)
     leader = nothing
@@ -70,7 +70,7 @@ def weighed(
         at = known[leader]
         # What is missing is taken for scatter, which hides it: searched at usual scatter.
         quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
-        book = _with_place(book, quiet)
+        book = _with_places(book, quiet)
         matches = searched(trace, book, quiet, at.best)[:WIDTH]
         _try(known, matches, book, at)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
@@ -86,13 +86,13 @@ def weighed(
     return every, book
 
 
-def _at_one_onset(known: dict[frozenset[str], Fit], book: Dictionary) -> None:
+def _at_one_onset(known: dict[tuple[str, ...], Fit], book: Dictionary) -> None:
     """Fit all explanations from the best onset that any of them has found, until it stays.
 
     The evidence has several maxima over the onset: a better one that an explanation found alone
     would decide for it, and its effects would not.
     """
-    compared: dict[frozenset[str], Fit] = {}
+    compared: dict[tuple[str, ...], Fit] = {}
     for _ in range(MAX_STEPS):
         ranked = sorted(known, key=lambda n: -known[n].log_weight)
         near = known[ranked[0]]
@@ -111,7 +111,7 @@ def _at_one_onset(known: dict[frozenset[str], Fit], book: Dictionary) -> None:
 
 
 def _try(
-    known: dict[frozenset[str], Fit], matches: Sequence[EffectSet], book: Dictionary, near: Fit
+    known: dict[tuple[str, ...], Fit], matches: Sequence[EffectSet], book: Dictionary, near: Fit
 ) -> None:
     """Add sets that are new, or heavier in another place."""
     for match in matches:
@@ -122,18 +122,20 @@ def _try(
                 known[match.names] = tried
 
 
-def _with_place(book: Dictionary, fit: Fit) -> Dictionary:
-    """With the likeliest place of each effect that has one, next to the others of a fit."""
+def _with_places(book: Dictionary, fit: Fit) -> Dictionary:
+    """With the likeliest place of each effect that has one: instead of those of a fit, and next."""
     for candidates in [book.candidates[group] for group in book.groups]:
         if candidates[0].named and is_placed(candidates[0].name):
-            book = book.plus(fit.trace.table, *placed(fit, fit.best, fit.noise, candidates))
+            same = [c for c in fit.chosen if c.name == candidates[0].name]
+            for without in (same, []) if same else ([],):
+                book = book.plus(fit.trace.table, *placed(fit, without, candidates))
     return book
 
 
 def _moved(match: EffectSet, known: Fit) -> bool:
     """Whether an explanation has the same names and an effect in another place."""
-    before = {c.name: c.inner for c in known.chosen}
-    return any(before[c.name] != c.inner for c in match.chosen if "radius" in c.inner)
+    before = [c.inner for c in known.chosen]
+    return any(c.inner not in before for c in match.chosen if "radius" in c.inner)
 
 
 def _settled(book: Dictionary, known: Fit, near: Fit) -> Fit:

@@ -74,12 +74,14 @@ def test_the_hidden_effects_are_named_with_their_numbers(name: str) -> None:
 
 
 @pytest.mark.nightly
-def test_a_surface_in_two_places_follows_the_place() -> None:
-    """One circle is not enough, and more are not searched: what is missing has a place, no name."""
-    f = findings_of("places")
-    assert f.verdict is Verdict.UNKNOWN
-    assert "it follows place" in f.summary
-    assert f.model.effect == ()
+def test_a_surface_in_two_places_is_named_in_both() -> None:
+    f, world = findings_of("places"), WORLDS["places"]
+    assert f.verdict is Verdict.MISSING_EFFECT
+    assert [e.name for e in f.effects] == ["surface_patch"] * 2
+    first = world.effects["surface_patch"]
+    centres = [(e.parameters["x"].value, e.parameters["y"].value) for e in f.effects]
+    for x, y in ((first["x"], first["y"]), *(place[:2] for place in world.further_places)):
+        assert min(np.hypot(x - a, y - b) for a, b in centres) < 3.0
 
 
 def test_a_log_in_which_nothing_could_show_is_too_noisy() -> None:
