@@ -42,7 +42,8 @@ class NamedEffect:
 
     Attributes:
         name: of :data:`slopewise.models.effects.registry.LAWS`. parameters: by name.
-        confidence: 0 … 1, that this name and not another one of the library is right.
+        confidence: 0 … 1, that this name and not another one of the library is right, and that no
+            further effect is missing next to those named.
         alternatives: other names, of explanations that the log does not rule out.
         where: axis and part of it, as text.
     """

@@ -84,14 +84,17 @@ def _closed(gap: Gap) -> str:
 def effect_cells(effect: NamedEffect) -> tuple[str, str, str, str, str]:
     """Name, parameters, confidence, what it may be instead, and where.
 
-    Where no alternative explains the log nearly as well, all other effects have the remainder.
+    Where no alternative explains the log nearly as well, all other effects have the remainder,
+    instead of it or next to it.
     """
     parameters = ", ".join(
         f"{name} = {p.value:.4g} ± {p.std:.2g} {p.unit if p.unit != '1' else ''}".rstrip()
         for name, p in effect.parameters.items()
     )
     remainder = (
-        f"any other: {1.0 - effect.confidence:.0%}" if effect.confidence < _CONFIDENT else "–"
+        f"another or a further one: {1.0 - effect.confidence:.0%}"
+        if effect.confidence < _CONFIDENT
+        else "–"
     )
     alternatives = ", ".join(effect.alternatives) or remainder
     return effect.name, parameters, confidence_text(effect.confidence), alternatives, effect.where

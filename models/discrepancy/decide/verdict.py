@@ -13,7 +13,7 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
-from slopewise.models.discrepancy.findings import CERTAIN, Verdict
+from slopewise.models.discrepancy.findings import Verdict
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.answer import Answer
 from slopewise.models.discrepancy.likelihood.refit import Refit, refitted
@@ -67,9 +67,7 @@ def decide(
 ) -> Decision:
     """One word for the log."""
     nothing = Decision(Verdict.NONE, plain)
-    # Stops differ as much as effects change them: chance could give many names.
-    wild = plain.whitener.scatter > prior.SLAB and answer.probability < CERTAIN
-    if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or wild):
+    if answer.verdict is Verdict.NONE and _too_noisy(table, seen, settings):
         return replace(nothing, verdict=Verdict.TOO_NOISY)
     # A wind along the only heading is a change of coefficients, one across it is not.
     is_hidden = any(c.first in seen.hidden for c in answer.leader.fit.chosen if c.named)

@@ -1,4 +1,4 @@
-"""One word and its probability, from the weights of all explanations."""
+"""One word and the probabilities of its names, from the weights of all explanations."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Answer:
     Attributes:
         verdict: one word. leader: the explanation it rests on, for `ambiguous` one with names.
         calm: the explanation without any cause.
-        axis: that the heaviest causes without a name follow, "" without. probability: that
-            the answer is right. of_names: probability of each name.
+        axis: that the heaviest causes without a name follow, "" without.
+        of_names: probability that a name is right and nothing is missing next to those given.
         alternatives: explanations without some of its names that are not ruled out, the heaviest
             first.
     """
@@ -32,7 +32,6 @@ class Answer:
     leader: Explanation
     calm: Explanation
     axis: str
-    probability: float
     of_names: Mapping[str, float]
     alternatives: tuple[Explanation, ...] = ()
 
@@ -41,35 +40,37 @@ def answered(every: Sequence[Explanation]) -> Answer:
     """The answer that weights give."""
     calm = next(e for e in every if not e.names and not e.axes)
     if calm.fit.noise[WAVE] > SLAB:  # in each stop, as much as an effect: speeds are no speeds
-        return Answer(Verdict.UNKNOWN, calm, calm, "", 1.0, {})
+        return Answer(Verdict.UNKNOWN, calm, calm, "", {})
     share = _shares(every)
     each = list(zip(every, share, strict=True))
     axes = _summed((a, s) for e, s in each for a in e.axes)
     axis = max(axes, key=lambda a: axes[a], default="")
     # A name next to a cause without one is not certain to be what it seems.
     of_names = _summed((n, s) for e, s in each if not e.axes for n in e.names)
-    along = min(sum(s for e, s in each if e.axes), 1.0)
-    none = min(sum(s for e, s in each if not e.axes and not e.names), 1.0)
-    if along >= _ANSWERED:
+    if sum(s for e, s in each if e.axes) >= _ANSWERED:
         leader = next(e for e in every if e.axes)
-        return Answer(Verdict.UNKNOWN, leader, calm, axis, along, of_names)
-    if none >= _ANSWERED:
-        return Answer(Verdict.NONE, calm, calm, axis, none, of_names)
+        return Answer(Verdict.UNKNOWN, leader, calm, axis, of_names)
+    if sum(s for e, s in each if not e.axes and not e.names) >= _ANSWERED:
+        return Answer(Verdict.NONE, calm, calm, axis, of_names)
     named = [e for e in every if e.names and not e.axes]
     first = max(of_names, key=lambda n: of_names[n], default="")
-    if of_names.get(first, 0.0) >= _ANSWERED:
-        leader = _with(named, first, of_names)
-        alternatives = _alternatives(every, leader)
+    given = {n for n, p in of_names.items() if p >= (_ANSWERED if n == first else _COMPANION)}
+    if given:
+        holding = [e for e in named if first in e.names]
+        leader = next((e for e in holding if e.names == given), holding[0])
+        complete = [(e, s) for e, s in each if not e.axes and e.names <= leader.names]
         return Answer(
-            Verdict.MISSING_EFFECT, leader, calm, axis, of_names[first], of_names, alternatives
+            *(Verdict.MISSING_EFFECT, leader, calm, axis),
+            _summed((n, s) for e, s in complete for n in e.names),
+            _alternatives(every, leader),
         )
     near = every[0].log_weight + np.log(RULED_OUT)
     if axis and (not named or named[0].log_weight < near):
-        return Answer(Verdict.UNKNOWN, every[0], calm, axis, along, of_names)
+        return Answer(Verdict.UNKNOWN, every[0], calm, axis, of_names)
     leader = named[0] if named else every[0]
     of_all = _summed((n, s) for e, s in each for n in e.names)
     alternatives = _alternatives(every, leader)
-    return Answer(Verdict.AMBIGUOUS, leader, calm, axis, max(share), of_all, alternatives)
+    return Answer(Verdict.AMBIGUOUS, leader, calm, axis, of_all, alternatives)
 
 
 def likely(every: Sequence[Explanation]) -> tuple[LikelyExplanation, ...]:
@@ -87,13 +88,6 @@ def _alternatives(every: Sequence[Explanation], leader: Explanation) -> tuple[Ex
     near = leader.log_weight + np.log(RULED_OUT)
     different = [e for e in every if not e.axes and not e.names >= leader.names]
     return tuple([e for e in different if e.log_weight > near][:3])
-
-
-def _with(named: Sequence[Explanation], first: str, of_names: Mapping[str, float]) -> Explanation:
-    """The explanation that names the first one, and next to it only what is certain enough."""
-    holding = [e for e in named if first in e.names]
-    confident = {n for n in holding[0].names if n == first or of_names[n] >= _COMPANION}
-    return next((e for e in holding if e.names == confident), holding[0])
 
 
 def _shares(every: Iterable[Explanation]) -> list[float]:

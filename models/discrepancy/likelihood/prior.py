@@ -36,7 +36,6 @@ SLOW = 0.1, 0.004  # share of brakes with any build-up from this [s] to a lag [1
 SLAB = 0.12  # rms force of an effect, share of the force [1]
 NAME = 0.08  # odds of a name against none [1]
 AXIS = 0.02  # odds of a cause without a name along an axis [1]
-FURTHER = 0.35  # odds of each effect beyond the first, times those of its name [1]
 TEMPER = 0.85  # share of the evidence that counts: model errors are alike in all stops [1]
 RULED_OUT = 0.05
 """Relative weight or p-value below which a cause is excluded; share outside intervals [1]."""

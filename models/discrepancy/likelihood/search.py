@@ -54,7 +54,7 @@ def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[EffectSe
     best: dict[tuple[str, ...], EffectSet] = {}
     beam = [nothing]
     for depth in range(_DEPTH):
-        for grown in [n for f in beam for n in _grown(f, book, solutions, depth)]:
+        for grown in [n for f in beam for n in _grown(f, book, solutions)]:
             if grown.names not in best or grown.log_weight > best[grown.names].log_weight:
                 best[grown.names] = grown
         deep = [f for names, f in best.items() if len(names) == depth + 1]
@@ -62,9 +62,7 @@ def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[EffectSe
     return sorted((nothing, *best.values()), key=lambda f: -f.log_weight)
 
 
-def _grown(
-    start: EffectSet, book: Dictionary, base: tuple[Solved, Solved], depth: int
-) -> list[EffectSet]:
+def _grown(start: EffectSet, book: Dictionary, base: tuple[Solved, Solved]) -> list[EffectSet]:
     """With one more name, the best column of each, grids summed."""
     left = (conditioned(b.left, b.pull, start.chosen) for b in base)
     (gain, sign), (changed_gain, changed_sign) = (gains_of(*x, book.candidates) for x in left)
@@ -72,12 +70,11 @@ def _grown(
     tempered = prior.TEMPER * mixed(*each)
     log_weight = np.where(changed_gain > gain, changed_sign, sign) + tempered
     log_weight += [c.log_prior for c in book.candidates]
-    price = np.log(prior.FURTHER) if depth else 0.0
     grown = []
     for group in book.groups:
         if all(book.candidates[group.start].can_join(c) for c in start.chosen):
             i = group.start + int(np.argmax(log_weight[group]))
-            log_prior = start.log_prior + price + float(logsumexp(log_weight[group]) - tempered[i])
+            log_prior = start.log_prior + float(logsumexp(log_weight[group]) - tempered[i])
             evidence = float(each[0][i]), float(each[1][i])
             grown.append(EffectSet((*start.chosen, book.candidates[i]), evidence, log_prior))
     return grown

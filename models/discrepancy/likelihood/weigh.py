@@ -151,7 +151,6 @@ def explanations(fits: Iterable[Fit], odds: float) -> list[Explanation]:
         has_lag = any(effect.name == LAG for effect in known.trace.model.effect)
         for lag in (False,) if has_lag else (False, True):
             log_prior = known.log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
-            log_prior += np.log(prior.FURTHER) if lag and known.chosen else 0.0
             weight, at = _over_build_up(known, lag=lag)
             names = frozenset(c.name for c in known.chosen if c.named) | ({LAG} if lag else set())
             axes = frozenset(c.name for c in known.chosen if not c.named)

@@ -11,7 +11,7 @@ from slopewise.services.report.discrepancy_page import effect_cells
 @pytest.mark.parametrize(
     ("confidence", "alternatives", "text"),
     [
-        (0.62, (), "any other: 38%"),
+        (0.62, (), "another or a further one: 38%"),
         (0.62, ("brake_fade", "viscous_resistance"), "brake_fade, viscous_resistance"),
         (0.93, (), "–"),
     ],
