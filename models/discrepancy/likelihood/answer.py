@@ -59,11 +59,11 @@ def answered(every: Sequence[Explanation]) -> Answer:
         holding = [e for e in named if first in e.names]
         leader = next((e for e in holding if e.names == given), holding[0])
         complete = [(e, s) for e, s in each if not e.axes and e.names <= leader.names]
-        return Answer(
-            *(Verdict.MISSING_EFFECT, leader, calm, axis),
-            _summed((n, s) for e, s in complete for n in e.names),
-            _alternatives(every, leader),
-        )
+        of_given = _summed((n, s) for e, s in complete for n in e.names)
+        if of_given[first] >= RULED_OUT:  # else something is missing next to those given
+            alternatives = _alternatives(every, leader)
+            verdict = Verdict.MISSING_EFFECT
+            return Answer(verdict, leader, calm, axis, of_given, alternatives)
     near = every[0].log_weight + np.log(RULED_OUT)
     if axis and (not named or named[0].log_weight < near):
         return Answer(Verdict.UNKNOWN, every[0], calm, axis, of_names)
