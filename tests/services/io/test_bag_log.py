@@ -40,12 +40,12 @@ scale = 0.28
 """
 
 
-def messages() -> Iterator[tuple[str, str, int, object]]:
-    """Speed 2 - 0.5 t at 50 Hz, the stop command at 1 s, pitch 0.1 rad, one wheel at 10 rad/s."""
+def messages(speed: float) -> Iterator[tuple[str, str, int, object]]:
+    """Speed less 0.5 t at 50 Hz, the stop command at 1 s, pitch 0.1 rad, one wheel at 10 rad/s."""
     for k in range(150):
         t = k / 50
         at = BEGIN + round(1e9 * t)
-        yield "/odom", "nav_msgs/msg/Odometry", at, odometry(2.0 - 0.5 * t)
+        yield "/odom", "nav_msgs/msg/Odometry", at, odometry(speed - 0.5 * t)
         if k % 5 == 0:
             twist = command(2.0 if t < 1.0 else 0.0).twist
             yield "/cmd_vel", "geometry_msgs/msg/Twist", at + 1_000_000, twist
@@ -59,11 +59,12 @@ def written(
     plugin: StoragePlugin = StoragePlugin.MCAP,
     names: Mapping[str, str] = MappingProxyType({}),
     *more: str,
+    speed: float = 2.0,
 ) -> Path:
     """A recording, with other topics; ``more`` get the speed commands, too."""
     with Writer(folder, version=9, storage_plugin=plugin) as writer:
         connections = {}
-        for topic, kind, at, message in messages():
+        for topic, kind, at, message in messages(speed):
             for name in (names.get(topic, topic), *(more if topic == "/cmd_vel" else ())):
                 if name not in connections:
                     connections[name] = writer.add_connection(name, kind, typestore=typestore())
@@ -95,7 +96,7 @@ def test_a_recording_is_a_drive_log(tmp_path: Path, topics: Path, plugin: Storag
 
 
 def test_several_recordings_are_runs(tmp_path: Path, topics: Path) -> None:
-    bags = [written(tmp_path / name) for name in ("a", "b")]
+    bags = [written(tmp_path / name, speed=speed) for name, speed in (("a", 2.0), ("b", 1.9))]
     assert len(read_logs(bags, topics).runs) == 2
 
 
