@@ -16,7 +16,7 @@ from slopewise.planner.plan import Status
 
 AT_SIDE = "next to the path, within the band of tracking errors"
 
-_SHORT_BY_LITTLE, _SHORT_BY_MOST = 1.0, 2.9
+_END_DISTANCE, _MAX_END_DISTANCE = 1.0, 2.9
 """Distances from the end of its path at which a plan may rest, besides what stops keep free; and
 besides their offset alone, as errors of a map may keep free what is no end any more [m]."""
 
@@ -56,7 +56,7 @@ def stop_reason(
         free_ahead = column.offset + errors.along_track + fall
         # Where brakes cannot hold, say, it rests for that, however near the end.
         blocking = (column.bound[k:-1] <= 0.0) & (column.label[k:-1] != Limiting.STOPPING_PATH)
-        at_end = min(free_ahead + _SHORT_BY_LITTLE, column.offset + _SHORT_BY_MOST)
+        at_end = min(free_ahead + _END_DISTANCE, column.offset + _MAX_END_DISTANCE)
         if short <= at_end and not blocking.any():
             return status, cause
         cause = Limiting(int(column.label[k])).label

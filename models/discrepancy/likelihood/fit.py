@@ -169,8 +169,9 @@ def fit(
     else:
         tried.append((_typical(problem, prior.BUILD_UP, noise), noise))
     tried = [(onset, problem.noise(onset, noise)) for onset, noise in tried]
-    min_evidence = max(problem.evidence(*state) for state in tried) - HOPELESS
-    fitted = [_converged(problem, *s) for s in tried if problem.evidence(*s) > min_evidence]
+    near = [problem.evidence(*state) for state in tried]
+    min_evidence = max(near) - HOPELESS
+    fitted = [_converged(problem, *s) for s, e in zip(tried, near, strict=True) if e > min_evidence]
     best = max(fitted, key=lambda s: problem.evidence(*s))
     return _followed(problem, log_prior, *best)
 
