@@ -63,7 +63,7 @@ class Service:
     """A running service; a context manager."""
 
     def __init__(self, config: ServiceConfig) -> None:
-        """Read model and map, and plan once, so that the first request finds all code compiled."""
+        """Read model and map, and make the components; none runs yet."""
         self.config = config
         initial = read_map(Path(config.map)) if config.map else None
         prior = read_model(find_model(config.model))
