@@ -157,6 +157,7 @@ def _stopping_at_once(ground: BrakingGround) -> BrakingGround:
         lower_slope=np.zeros_like(ground.lower_slope),
         lower_intercept=np.full_like(ground.lower_intercept, _AT_ONCE),
         dead_time=np.zeros_like(ground.dead_time),
+        shortest_dead_time=np.zeros_like(ground.dead_time),
         distance_offset=np.zeros_like(ground.distance_offset),
         errors=ground.errors._replace(along_track=0.0, latency=0.0),
     )

@@ -66,7 +66,7 @@ class BrakingGround:
     Attributes:
         lower_slope, lower_intercept: lower bound of F_b/W [s/m], [1].
         upper_slope, upper_intercept: upper bound of F_b/W [s/m], [1].
-        dead_time: from stop command to onset [s].
+        dead_time, shortest_dead_time: from stop command to onset, of the surfaces there [s].
         slowest: speed below which the coefficients no longer change [m/s].
         fastest: highest trained speed, on that grade where the model has a hull [m/s].
         trained: the grade lies in the trained range, or extrapolation is allowed.
@@ -84,6 +84,7 @@ class BrakingGround:
     upper_slope: Floats
     upper_intercept: Floats
     dead_time: Floats
+    shortest_dead_time: Floats
     slowest: Floats
     fastest: Floats
     trained: Bools
@@ -130,13 +131,14 @@ def ground_along(
         profile, known, margin, lowest, highest, drag
     )
     errors = stop_errors(model, uncertainty, profile.height_std, now.pose_age)
-    low_slope, low, up_slope, up, dead_time, slowest, fastest = rows[:7]
+    low_slope, low, up_slope, up, dead_time, shortest, slowest, fastest = rows[:8]
     return BrakingGround(
         low_slope,
         low,
         up_slope,
         up,
         dead_time,
+        shortest,
         slowest,
         fastest,
         trained,
@@ -144,7 +146,7 @@ def ground_along(
         push,
         motion,
         known.closed_form,
-        rows[7] if known.slides else None,
+        rows[8] if known.slides else None,
         errors,
     )
 

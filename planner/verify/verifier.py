@@ -28,8 +28,8 @@ class Track(NamedTuple):
 
     Attributes:
         station, grade, roll, curvature, yaw: geometry; yaw without jumps.
-        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest: those of
-            the ground.
+        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time,
+            shortest_dead_time, slowest: those of the ground.
         speed_limit: of path, trained range and rough ground [m/s].
         vertical_curvature: change of the grade, negative over a crest [1/m].
         friction: the ground's, inf where it is not known [1].
@@ -45,6 +45,7 @@ class Track(NamedTuple):
     upper_slope: Floats
     upper_intercept: Floats
     dead_time: Floats
+    shortest_dead_time: Floats
     slowest: Floats
     speed_limit: Floats
     vertical_curvature: Floats

@@ -35,6 +35,7 @@ class PathForce(NamedTuple):
     extra: Floats  # (M,) ground terms [1]
     friction: Floats  # (M,) lowest μ of them all, :data:`NO_FRICTION_LIMIT` where unknown
     dead_time: Floats  # (M,) longest of them all [s]
+    shortest_dead_time: Floats  # (M,) [s]
     offset: float  # safety offset, the longest along the line [m]
     grade_excess: Floats  # (M,) grade outside the trained range [rad]
     roll_excess: Floats  # (M,) roll outside the trained range [rad]
@@ -80,6 +81,7 @@ def path_force_along(
     rolled = np.array([_outside(t.trained_roll, ground.roll) for t in tables])
     rolls = model.terrain.rolling_while_braking
     margin = model.braking.extrapolation_margin if model.braking.extrapolate else 0.0
+    dead_times = [t.dead_time + width * t.dead_time_std for t in tables]
     caps = [registry.motion(model.effect, table.sliding_friction).friction for table in tables]
 
     def lowest(values: list[float] | Floats) -> Floats:
@@ -101,7 +103,8 @@ def path_force_along(
         trained_speed_max=lowest(np.array([_trained_speed_max(t, ground.grade) for t in tables])),
         extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
         friction=lowest(np.minimum(caps, NO_FRICTION_LIMIT)),
-        dead_time=-lowest([-t.dead_time - width * t.dead_time_std for t in tables]),
+        dead_time=-lowest([-dead for dead in dead_times]),
+        shortest_dead_time=lowest(dead_times),
         offset=-float(lowest([-t.distance_offset for t in tables])[: line.driven].min()),
         grade_excess=-lowest(-outside),
         roll_excess=-lowest(-rolled),

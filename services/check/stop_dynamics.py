@@ -78,6 +78,11 @@ class StopDynamics:
         """The force is known by bounds only: of several surfaces, or with a margin."""
         return len(self.brakes.on) > 1 or bool(self.brakes.terms[2:].any())
 
+    @cached_property
+    def brakes_early(self) -> bool:
+        """Surfaces have different dead times."""
+        return bool(self.brakes.shortest_dead_time.min() < self.brakes.dead_time.max())
+
     def at(self, s: Floats) -> PathState:
         """Linear between samples; as at the first and the last beyond them."""
         k = np.searchsorted(self.station, s, "right") - 1

@@ -73,16 +73,27 @@ def weigh_braking(field: StopDynamics, state: State, rates: Rates) -> None:
     _weigh(field, state, rates.here, np.maximum(rates.decel, highest))
 
 
-def coast(field: StopDynamics, state: State, dead_time: Floats, *, cut: bool) -> State:
+def coast(
+    field: StopDynamics, state: State, dead_time: Floats, *, cut: bool, commanded: bool = True
+) -> tuple[State, State]:
     """The dead times (L,) at held speed; or with the drive cut, faster where that is downhill.
 
-    Motion resistance is all that holds it then; that it slows on other ground is ignored.
+    Motion resistance is all that holds it then; that it slows on other ground is ignored. Also the
+    stops whose brakes take hold earlier, as soon as the dead time of the ground they are on is
+    over; from there on loads have to suffice under brakes too. None do before a stop is commanded.
     """
+    grips, first = np.zeros(len(dead_time), np.bool_), state.motion.copy()
+    may_differ = commanded and field.brakes_early and not field.nominal
     resistance = field.model.terrain.rolling_while_braking
     steps = max(int(np.ceil(float(dead_time.max(initial=0.0)) / TIME_STEP)), 1)
     h = dead_time / steps
-    for _ in range(steps):
+    for i in range(steps):
         s, v, *rest = state.motion
+        if may_differ:
+            is_new = ~grips & (i * h >= _shortest_dead_time(field, s)) & (i * h < dead_time)
+            first[:, is_new] = state.motion[:, is_new]
+            grips |= is_new
+            _weigh_early(field, state, grips)
         growth = np.zeros_like(h)
         if cut:
             middle = field.at(s + 0.5 * h * v).pose
@@ -91,7 +102,22 @@ def coast(field: StopDynamics, state: State, dead_time: Floats, *, cut: bool) ->
         after = v + h * growth
         state = state._replace(motion=np.stack((s + 0.5 * h * (v + after), after, *rest)))
     _weigh(field, state, field.at(state.motion[0]), np.zeros_like(h))
-    return state._replace(onset_speed=state.motion[1].copy())
+    early = state._replace(motion=first, onset_speed=first[1]).only(grips)
+    return state._replace(onset_speed=state.motion[1].copy()), early
+
+
+def _shortest_dead_time(field: StopDynamics, s: Floats) -> Floats:
+    """Of the surfaces at stations (L,) [s]."""
+    shortest, sample = field.brakes.shortest_dead_time, field.at(s).sample
+    return np.minimum(shortest[sample], shortest[sample + 1])
+
+
+def _weigh_early(field: StopDynamics, state: State, grips: Bools) -> None:
+    """Note the loads of those whose brakes take hold in the dead time of the others."""
+    if grips.any():
+        early = state._replace(onset_speed=state.motion[1]).only(grips)
+        weigh_braking(field, early, rates_at(field, early.onset_speed, early.motion))
+        state.min_loads[..., grips] = early.min_loads
 
 
 def step(field: StopDynamics, state: State) -> tuple[State, Bools]:
@@ -164,9 +190,24 @@ def _driven(field: StopDynamics, starts: StopStarts, *, cut: bool) -> StopEnds:
     state = State(np.arange(count), motion, speed, np.full((2, 3, count), np.inf))
     if field.errors.latency > 0.0 and not field.nominal:
         # Before the command nothing cuts the drive.
-        state = coast(field, state, np.full(count, field.errors.latency), cut=False)
-    state = coast(field, state, dead_time, cut=cut)
-    end, ended, min_loads = station.copy(), np.zeros(count, np.bool_), np.empty((2, 3, count))
+        late = np.full(count, field.errors.latency)
+        state, _ = coast(field, state, late, cut=False, commanded=False)
+    state, early = coast(field, state, dead_time, cut=cut)
+    stops = _braked(field, state, count, give_up)
+    if len(early.lane):
+        # Between the first and the last onset v² is, and a load is concave in it.
+        loads = _braked(field, early, count, give_up)
+        stops = stops._replace(
+            min_loads=np.minimum(stops.min_loads, loads.min_loads),
+            even=np.minimum(stops.even, loads.even),
+        )
+    return stops
+
+
+def _braked(field: StopDynamics, state: State, count: int, give_up: float) -> StopEnds:
+    """Ends of stops of some of L = ``count`` lanes whose brakes take hold; inf loads of others."""
+    end, ended = np.zeros(count), np.zeros(count, np.bool_)
+    min_loads = np.full((2, 3, count), np.inf)
     for _ in range(int(_MAX_STOP_TIME / TIME_STEP)):
         if len(state.lane) == 0:
             break

@@ -54,7 +54,7 @@ std::tuple<Made<double>, Made<bool>, Made<double>> braking_forces(
   const auto n = static_cast<Index>(grade.shape(0)), m = static_cast<Index>(grade.shape(1));
   const Surfaces known(surfaces);
   const bool slides = nb::cast<bool>(surfaces.attr("slides"));
-  const auto rows = make_rows(slides ? 8 : 7, n, m);
+  const auto rows = make_rows(slides ? 9 : 8, n, m);
   const auto trained = make_rows<bool>(n, m);
   // A copy where all stations are alike.
   const auto classes = nb::cast<Classes2>(profile.attr("surfaces"));
@@ -82,8 +82,8 @@ std::tuple<Made<double>, Made<bool>, Made<double>> braking_forces(
       slides};
   const auto distance_offset = make_array(m);
   const auto row = [&](Index r) { return Rows<double>{rows.data() + r * n * m, m}; };
-  const ForceBounds out{row(0), row(1), row(2), row(3), row(4), row(5), row(6),
-                        slides ? row(7) : Rows<double>{}, {trained.data(), m},
+  const ForceBounds out{row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7),
+                        slides ? row(8) : Rows<double>{}, {trained.data(), m},
                         distance_offset.data()};
   const nb::gil_scoped_release release;
   find_forces(problem, out);

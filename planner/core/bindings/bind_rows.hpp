@@ -88,6 +88,7 @@ inline ForceRows forces_of(const nb::handle& rows, Index stations, Index candida
           numbers("upper_slope"),
           numbers("upper_intercept"),
           numbers("dead_time"),
+          numbers("shortest_dead_time"),
           numbers("slowest"),
           numbers("fastest"),
           member_rows<bool>(rows, "trained", stations, candidates),

@@ -66,7 +66,7 @@ inline BoundProblem BoundProblem::from(Index first) const noexcept {
   for (Numbers* rows :
        {&t.station, &t.heading_x, &t.heading_y, &t.curvature, &t.grade, &t.sin_grade, &t.sin_roll,
         &t.vertical_curvature, &f.lower_slope, &f.lower_intercept, &f.upper_slope,
-        &f.upper_intercept, &f.dead_time, &f.slowest, &f.fastest, &out.rough_speed,
+        &f.upper_intercept, &f.dead_time, &f.shortest_dead_time, &f.slowest, &f.fastest, &out.rough_speed,
         &out.steering_speed, &out.path_speed, &out.friction, &out.excess}) {
     *rows = rows->from(first);
   }

@@ -96,6 +96,7 @@ inline StopStation stop_station(const StopLane& lane, Index k, double yaw_before
           f.upper_slope.at(k)[j],
           f.upper_intercept.at(k)[j],
           lane.dead_time(k),
+          f.shortest_dead_time.at(k)[j] + lane.problem.errors.latency,
           f.slowest.at(k)[j],
           cosine * cos_lean,
           curvature > 0.0 ? bank : -bank,

@@ -21,7 +21,7 @@ struct StopStation {
   double station, grade, sin_grade;                   // [m], [rad], [1]
   double lower_slope, lower_intercept;                // bounds of F_b/W [s/m], [1]
   double upper_slope, upper_intercept;
-  double dead_time;  // from command to onset [s]
+  double dead_time, shortest_dead_time;  // from command to onset, of the surfaces there [s]
   double slowest;    // speed below which the force no longer changes [m/s]
   double upright;    // cos(roll) cos(grade)
   double tilt;       // cos(grade) sin(roll), positive where it falls away from the turn
@@ -210,14 +210,45 @@ inline double next_piece(double left, double length, double energy, double lag) 
 
 }  // namespace detail
 
-// March one stop from station k and a speed there [m/s].
-inline StopEnd march_stop(std::size_t k, double speed, StopPath path,
+namespace detail {
+
+// Where the brakes may take hold first: on any ground ahead whose dead time is over by then [m].
+inline double earliest_onset(std::size_t k, double speed, double latest, StopPath path) noexcept {
+  double onset = latest;
+  for (std::size_t i = k; i < path.size() && path[i].station < onset; ++i) {
+    const double there = path[k].station + speed * path[i].shortest_dead_time;
+    onset = min_of(onset, max_of(there, path[i].station));
+  }
+  return onset;
+}
+
+// What runs short under brakes that take hold at any place between two, at a speed that is held.
+inline StopEnd brake_between(std::size_t k, double speed, double first, double last, StopPath path,
+                             const StopConditions& conditions) noexcept {
+  const double v_i = max_of(speed, path[k].slowest);
+  const double enough = conditions.vehicle.min_load + load_guard;
+  double s = first;
+  for (std::size_t i = k; i + 1 < path.size() && s < last; ++i) {
+    const StopStation &here = path[i], &ahead = path[i + 1];
+    if (ahead.station <= s) continue;
+    StopState state{speed * speed, 0.0, 0.0, conditions.motion.heat};
+    const double u = (s - here.station) / (ahead.station - here.station);
+    const LeastLoads loads = slow_down_over({here, ahead, u}, 0.0, v_i, conditions, state);
+    if (loads.rear < enough) return {Ending::rear_load, s};
+    if (loads.wheel < enough) return {Ending::side_load, s};
+    s = ahead.station;
+  }
+  return {Ending::stopped, last};
+}
+
+// March the stop whose brakes take hold at this place.
+inline StopEnd march_from(std::size_t k, double speed, double onset, StopPath path,
                           const StopConditions& conditions) noexcept {
   const double v_i = max_of(speed, path[k].slowest), target = conditions.target;
-  const double min_load = conditions.vehicle.min_load, enough = min_load + detail::load_guard;
-  detail::StopState state{speed * speed, 0.0, 0.0, conditions.motion.heat};
-  double s = path[k].station + speed * path[k].dead_time;
-  const detail::Held held = detail::hold_speed(k, s, state.energy, path, conditions.vehicle);
+  const double min_load = conditions.vehicle.min_load, enough = min_load + load_guard;
+  StopState state{speed * speed, 0.0, 0.0, conditions.motion.heat};
+  double s = onset;
+  const Held held = hold_speed(k, s, state.energy, path, conditions.vehicle);
   if (held.least.wheel < min_load) return {Ending::side_load, path[held.segment].station};
   double rear = held.least.rear;
   for (std::size_t i = held.segment; i + 1 < path.size(); ++i) {
@@ -226,9 +257,9 @@ inline StopEnd march_stop(std::size_t k, double speed, StopPath path,
     while (s < ahead.station) {
       const double left = ahead.station - s;
       const double piece =
-          detail::next_piece(left, length, state.energy, conditions.motion.lag);
-      const detail::Between middle{here, ahead, (s + 0.5 * piece - here.station) / length};
-      const auto loads = detail::slow_down_over(middle, piece, v_i, conditions, state);
+          next_piece(left, length, state.energy, conditions.motion.lag);
+      const Between middle{here, ahead, (s + 0.5 * piece - here.station) / length};
+      const auto loads = slow_down_over(middle, piece, v_i, conditions, state);
       rear = min_of(rear, loads.rear);
       if (rear < enough) return {Ending::rear_load, s};
       if (loads.wheel < enough) return {Ending::side_load, s};
@@ -247,6 +278,25 @@ inline StopEnd march_stop(std::size_t k, double speed, StopPath path,
     }
   }
   return {Ending::overrun, s};
+}
+
+}  // namespace detail
+
+// March one stop from station k and a speed there [m/s]. Where surfaces have different dead times
+// it ends as with the longest, and loads have to suffice wherever the brakes may take hold. A load
+// is concave in v²: the first and the last onset bound those between.
+inline StopEnd march_stop(std::size_t k, double speed, StopPath path,
+                          const StopConditions& conditions) noexcept {
+  const double latest = path[k].station + speed * path[k].dead_time;
+  const double earliest = detail::earliest_onset(k, speed, latest, path);
+  if (earliest < latest) {
+    const StopEnd between =
+        detail::brake_between(k, speed, earliest, latest, path, conditions);
+    if (between.how > Ending::overrun) return between;
+    const StopEnd early = detail::march_from(k, speed, earliest, path, conditions);
+    if (early.how > Ending::overrun) return early;
+  }
+  return detail::march_from(k, speed, latest, path, conditions);
 }
 
 }  // namespace slopewise

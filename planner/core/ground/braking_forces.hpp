@@ -74,7 +74,7 @@ inline ForceBounds part_of(const ForceBounds& bounds, Index first) noexcept {
   out.distance_offset += first;
   for (Rows<double>* rows :
        {&out.lower_slope, &out.lower_intercept, &out.upper_slope, &out.upper_intercept,
-        &out.dead_time, &out.slowest, &out.fastest, &out.friction}) {
+        &out.dead_time, &out.shortest_dead_time, &out.slowest, &out.fastest, &out.friction}) {
     *rows = rows->from(first);
   }
   out.trained = out.trained.from(first);

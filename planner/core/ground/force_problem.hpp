@@ -48,7 +48,7 @@ struct ForceProblem {
 // Bounds of the force; the upper one decides whether the vehicle tips, the lower where it stops.
 struct ForceBounds {
   Rows<double> lower_slope, lower_intercept, upper_slope, upper_intercept;
-  Rows<double> dead_time, slowest, fastest;
+  Rows<double> dead_time, shortest_dead_time, slowest, fastest;
   Rows<double> friction;    // least of the ground, where it slides
   Rows<bool> trained;       // grade and roll lie in the trained range, or extrapolation is allowed
   double* distance_offset;  // (M,) [m]

@@ -12,7 +12,7 @@ struct ForceRow {
   std::size_t lanes;
   const double *grade, *sin_grade, *sin_roll;
   double *lower_slope, *lower_intercept, *upper_slope, *upper_intercept;
-  double *dead_time, *slowest, *fastest;
+  double *dead_time, *shortest_dead_time, *slowest, *fastest;
   bool* trained;
   double* distance_offset;
 
@@ -21,8 +21,8 @@ struct ForceRow {
         sin_roll(p.sin_roll.at(k)), lower_slope(out.lower_slope.at(k)),
         lower_intercept(out.lower_intercept.at(k)), upper_slope(out.upper_slope.at(k)),
         upper_intercept(out.upper_intercept.at(k)), dead_time(out.dead_time.at(k)),
-        slowest(out.slowest.at(k)), fastest(out.fastest.at(k)), trained(out.trained.at(k)),
-        distance_offset(out.distance_offset) {}
+        shortest_dead_time(out.shortest_dead_time.at(k)), slowest(out.slowest.at(k)),
+        fastest(out.fastest.at(k)), trained(out.trained.at(k)), distance_offset(out.distance_offset) {}
 };
 
 // Surfaces that each station of row k may be on, of a map with several classes. A surface may begin
@@ -74,6 +74,7 @@ inline void start(const ForceRow& row, double slowest) noexcept {
   std::fill_n(row.upper_slope, row.lanes, -no_limit);
   std::fill_n(row.upper_intercept, row.lanes, -no_limit);
   std::fill_n(row.dead_time, row.lanes, 0.0);
+  std::fill_n(row.shortest_dead_time, row.lanes, no_limit);
   std::fill_n(row.slowest, row.lanes, slowest);
   std::fill_n(row.fastest, row.lanes, no_limit);
 }
@@ -107,6 +108,7 @@ inline void take_surface(const ForceRow& row, const Surface s, double slowest,
     row.upper_slope[j] = max_of(row.upper_slope[j], on ? high_slope : -no_limit);
     row.upper_intercept[j] = max_of(row.upper_intercept[j], on ? high_intercept : -no_limit);
     row.dead_time[j] = max_of(row.dead_time[j], on ? s.dead_time : 0.0);
+    row.shortest_dead_time[j] = min_of(row.shortest_dead_time[j], on ? s.dead_time : no_limit);
     row.fastest[j] = min_of(row.fastest[j], on ? s.fastest : no_limit);
     row.distance_offset[j] = max_of(row.distance_offset[j], on ? s.distance_offset : 0.0);
   }

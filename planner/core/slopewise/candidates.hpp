@@ -50,7 +50,7 @@ struct Planner::Candidates {
   std::unique_ptr<bool[]> known, trained;
   std::vector<float> twist, front;     // (N, M), (N, 2, M)
   OwnRows force_lower_slope, force_lower, force_upper_slope, force_upper;
-  OwnRows dead_time, slowest, fastest, friction;
+  OwnRows dead_time, shortest_dead_time, slowest, fastest, friction;
   std::vector<double> distance_offset;
   std::vector<std::int64_t> hazard;
   OwnRows rough_speed, steering_speed;

@@ -123,8 +123,8 @@ void Planner::Candidates::sample_ground() {
 }
 
 void Planner::Candidates::find_braking_forces() {
-  allocate({&force_lower_slope, &force_lower, &force_upper_slope, &force_upper, &dead_time, &slowest,
-            &fastest, &friction});
+  allocate({&force_lower_slope, &force_lower, &force_upper_slope, &force_upper, &dead_time,
+            &shortest_dead_time, &slowest, &fastest, &friction});
   trained = std::make_unique<bool[]>(static_cast<std::size_t>(stations * candidates));
   distance_offset.assign(static_cast<std::size_t>(candidates), 0.0);
   const ForceProblem problem{
@@ -134,7 +134,8 @@ void Planner::Candidates::find_braking_forces() {
       model.slides};
   find_forces(problem,
               {force_lower_slope.rows(), force_lower.rows(), force_upper_slope.rows(),
-               force_upper.rows(), dead_time.rows(), slowest.rows(), fastest.rows(),
+               force_upper.rows(), dead_time.rows(), shortest_dead_time.rows(), slowest.rows(),
+               fastest.rows(),
                model.slides ? friction.rows() : Rows<double>{}, {trained.get(), candidates},
                distance_offset.data()});
 }

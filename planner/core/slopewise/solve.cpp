@@ -17,8 +17,8 @@ TerrainRows Planner::Candidates::terrain() const noexcept {
 ForceRows Planner::Candidates::forces(const OwnRows& slope,
                                       const OwnRows& intercept) const noexcept {
   return {slope.read(), intercept.read(), force_upper_slope.read(), force_upper.read(),
-          dead_time.read(), slowest.read(), fastest.read(), flags(trained),
-          distance_offset.data()};
+          dead_time.read(), shortest_dead_time.read(), slowest.read(), fastest.read(),
+          flags(trained), distance_offset.data()};
 }
 
 void Planner::solve(double start_speed, double clear) {

@@ -25,7 +25,7 @@ struct Track {
   const double* yaw;                              // without jumps [rad]
   const double *lower_slope, *lower_intercept;    // of the lower bound of F_b/W [s/m], [1]
   const double *upper_slope, *upper_intercept;    // of its upper bound
-  const double* dead_time;                        // [s]
+  const double *dead_time, *shortest_dead_time;   // of the surfaces there [s]
   const double* slowest;                          // below it the force does not change [m/s]
   const double* speed_limit;                      // of path, trained range and rough ground [m/s]
   const double* vertical_curvature;               // negative over a crest [1/m]
@@ -34,12 +34,12 @@ struct Track {
   [[nodiscard]] Index last() const noexcept { return stations - 1; }
 };
 
-inline constexpr Index track_columns = 14;
+inline constexpr Index track_columns = 15;
 
 [[nodiscard]] inline Track track_at(Index stations,
                                     const std::array<const double*, track_columns>& c) noexcept {
   return {stations, c[0], c[1], c[2], c[3], c[4],  c[5],  c[6],
-          c[7],     c[8], c[9], c[10], c[11], c[12], c[13]};
+          c[7],     c[8], c[9], c[10], c[11], c[12], c[13], c[14]};
 }
 
 // M candidates that the columns of tracks come from.
@@ -74,6 +74,7 @@ inline void copy_columns(const TrackRows& rows, Index j, Index first, bool turns
         f.upper_slope.at(k)[j],
         f.upper_intercept.at(k)[j],
         f.dead_time.at(k)[j],
+        f.shortest_dead_time.at(k)[j],
         f.slowest.at(k)[j],
         rows.speed_limit.at(k)[j],
         t.vertical_curvature.at(k)[j],

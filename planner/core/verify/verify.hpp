@@ -35,7 +35,9 @@ class Verifier {
                          : survey_of(plan.even, terms.body, memory + survey_columns * n_)),
         on_{plan.track, survey_}, even_on_{plan.even, even_survey_},
         excess_(memory + 2 * survey_columns * n_), steering_speed_(excess_ + n_),
-        safe_(on_, terms.limits, fastest_stop(), steering_speed_ + n_) {
+        safe_(on_, terms.limits, fastest_stop(), steering_speed_ + n_),
+        brakes_early_(-largest(plan.track.shortest_dead_time, n_, -1.0) <
+                      largest(plan.track.dead_time, n_, 1.0)) {
     follow_steering(plan.track, terms.steering, excess_, steering_speed_);
     const double end = plan.clear_distance - plan.distance_offset - terms.errors.along_track;
     target_ = target_at(on_, end);
@@ -154,6 +156,31 @@ class Verifier {
     return stop_in_time(model, command, i, {limit_, height, !told}, least);
   }
 
+  // Where the brakes may take hold first: on any ground ahead whose dead time is over by then [m].
+  [[nodiscard]] double earliest_onset(StopCommand command, Index i, double latest) const noexcept {
+    const Track& track = plan_.track;
+    for (Index m = i; m < n_ && track.station[m] < latest; ++m) {
+      command.dead_time = track.shortest_dead_time[m];
+      latest = min_of(latest, max_of(as_it_may_be(command, i).onset(), track.station[m]));
+    }
+    return latest;
+  }
+
+  // Least loads where brakes take hold earlier, from an onset on: loads are concave in v².
+  void lower_to_early(const StopCommand& late, double onset, Index i, Shares& least) const noexcept {
+    const double dead = (onset - late.station) / late.speed;
+    const StopCommand early{late.station, late.speed, dead, late.slowest};
+    StopEnd stop{0.0, 0.0, 0.0, i, i};
+    Shares shares;
+    follow(early, i, false, stop, shares);
+    const StopModel model{on_.track, terms_.limits, terms_.motion, terms_.body, terms_.time_step};
+    const StopInTime held{model, late.force_speed(), true, i};
+    for (Index m = i; m < n_ && (m == i || on_.track.station[m] < late.onset()); ++m) {
+      shares.lower_to(held.shares(max_of(on_.track.station[m], onset), late.speed, true));
+    }
+    least.lower_to(shares);
+  }
+
   // The stop from share u of segment i, which belongs to station k: is anything breached there?
   bool try_stop(Index k, Index i, double u, bool inside) noexcept {
     const Track& track = plan_.track;
@@ -166,7 +193,12 @@ class Verifier {
     }
     const StopCommand command{at(track.station, i, u), std::sqrt(energy), dead, track.slowest[k]};
     Shares shares;
-    const double end = follow(as_it_may_be(command, i), i, false, stop_, shares);
+    const StopCommand late = as_it_may_be(command, i);
+    const double end = follow(late, i, false, stop_, shares);
+    if (brakes_early_ && i < safe_.first_safe_segment()) {
+      const double earliest = earliest_onset(command, i, late.onset());
+      if (earliest < late.onset()) lower_to_early(late, earliest, i, shares);
+    }
     if (terms_.all_loads && !inside) tell_stop(k, i, command);
     const double over =
         end + plan_.distance_offset + terms_.errors.along_track - plan_.clear_distance;
@@ -290,6 +322,7 @@ class Verifier {
   Surveyed on_, even_on_;
   double *excess_, *steering_speed_;  // (N,)
   SafeStopSpeeds safe_;
+  bool brakes_early_;     // surfaces have different dead times
   Target target_{};       // where stops have to end
   double limit_ = 0.0;    // stops that get here are not followed further [m]
   StopEnd stop_{};        // the last one: the next begins where it did, or later

@@ -159,8 +159,9 @@ void bound_random_speeds(Batch& b) {
   const ForceRows forces{
       as_read(b.forces.lower_slope), as_read(b.forces.lower_intercept),
       as_read(b.forces.upper_slope), as_read(b.forces.upper_intercept),
-      as_read(b.forces.dead_time), as_read(b.forces.slowest), as_read(b.forces.fastest),
-      as_read(b.forces.trained), b.forces.distance_offset};
+      as_read(b.forces.dead_time), as_read(b.forces.shortest_dead_time),
+      as_read(b.forces.slowest), as_read(b.forces.fastest), as_read(b.forces.trained),
+      b.forces.distance_offset};
   const StopErrors errors{sometimes(0.5) ? 0.1 : 0.0, sometimes(0.5), 0.01, 0.05, sometimes(0.3) ? 0.05 : 0.0};
   const BoundProblem problem{
       b.terrain, forces, alike_zero.unless(Labels{}), speeds(sometimes(0.5)), speeds(sometimes(0.5)),
@@ -183,7 +184,7 @@ void batch() {
   b.offset.resize(b.counts.size());
   b.terrain = random_terrain(m, b.counts);
   b.forces = {m.numbers(0, 0), m.numbers(0, 0), m.numbers(0, 0), m.numbers(0, 0), m.numbers(0, 0),
-              m.numbers(0, 0), m.numbers(0, 0), b.slides ? m.numbers(0, 0) : Rows<double>{},
+              m.numbers(0, 0), m.numbers(0, 0), m.numbers(0, 0), b.slides ? m.numbers(0, 0) : Rows<double>{},
               m.yes(0), b.offset.data()};
   find_random_forces(b);
   bound_random_speeds(b);

@@ -138,7 +138,7 @@ def test_each_station_counts_with_its_neighbours() -> None:
     assert hull is not None
     table, _ = surface_table(model, ("",), None)
     table[:, FASTEST] = 3.2
-    fastest = forces_on(grade, surfaces_of(table, hull), -1.0, np.ones(70))[6]
+    fastest = forces_on(grade, surfaces_of(table, hull), -1.0, np.ones(70))[7]
     expected = np.minimum(
         3.2, np.min([highest_speed(SPEED_BY_GRADE, g) for g in around(grade)], axis=0)
     )
@@ -155,7 +155,7 @@ def test_of_several_surfaces_the_slowest_counts() -> None:
     bits = np.arange(1, 16)
     table = np.tile(surface_table(model, ("",), None)[0][:1], (4, 1))
     table[:, FASTEST] = 4.0
-    fastest = forces_on(grade, surfaces_of(table, hull), -1.0, bits)[6]
+    fastest = forces_on(grade, surfaces_of(table, hull), -1.0, bits)[7]
     base = np.min([highest_speed(SPEED_BY_GRADE, g) for g in around(grade)], axis=0)
     ice = np.full(grade.shape, 2.0)
     expected = np.full(grade.shape, 4.0)

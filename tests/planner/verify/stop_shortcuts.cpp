@@ -33,7 +33,7 @@ class RandomTrack {
       const std::array<double, verify::track_columns> row{
           s, grade + swell * std::sin(wave * s + phase), roll + 0.1 * std::sin(s),
           turn * std::sin(0.7 * s + phase), 0.0, share * slope, share * level,
-          share * slope + 0.01, share * level + more, dead_time, slowest, 10.0,
+          share * slope + 0.01, share * level + more, dead_time, dead_time, slowest, 10.0,
           swell * wave * std::cos(wave * s + phase), friction < 1e9 ? friction : verify::infinite};
       for (std::size_t c = 0; c < row.size(); ++c) columns[c].push_back(row[c]);
     }
@@ -61,7 +61,8 @@ class RandomTrack {
       const double sine = std::sin(t.grade[k]), upright = std::cos(t.grade[k]);
       const double bank = upright * std::sin(t.roll[k]), bend = std::fabs(t.curvature[k]);
       out.push_back({t.station[k], t.grade[k], sine, t.lower_slope[k], t.lower_intercept[k],
-                     t.upper_slope[k], t.upper_intercept[k], t.dead_time[k], t.slowest[k],
+                     t.upper_slope[k], t.upper_intercept[k], t.dead_time[k],
+                     t.shortest_dead_time[k], t.slowest[k],
                      upright * std::cos(t.roll[k]), t.curvature[k] > 0.0 ? bank : -bank,
                      bend / (gravity * std::cos(t.roll[k])),
                      std::max(-t.vertical_curvature[k], 0.0) / gravity, bend, 0.0});

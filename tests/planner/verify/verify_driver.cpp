@@ -44,9 +44,9 @@ struct Tracks {
   std::vector<double> offset = numbers(m, 0, 0.2);
 
   Tracks() {
-    const double low[] = {0, -1, -1, -0.3, -0.3, -0.2, -0.2, -0.04, 0.2, -0.04, 0.3, 0, 0, 0.5, 0.2};
-    const double high[] = {0, 1, 1, 0.3, 0.3, 0.2, 0.2, 0.04, 0.7, 0.04, 0.8, 0.5, 1, 5, 0.9};
-    for (std::size_t r = 0; r < 15; ++r) rows.push_back(numbers(n * m, low[r], high[r]));
+    const double low[] = {0, -1, -1, -0.3, -0.3, -0.2, -0.2, -0.04, 0.2, -0.04, 0.3, 0, 0, 0.5, 0.2, 0};
+    const double high[] = {0, 1, 1, 0.3, 0.3, 0.2, 0.2, 0.04, 0.7, 0.04, 0.8, 0.5, 1, 5, 0.9, 0.5};
+    for (std::size_t r = 0; r < 16; ++r) rows.push_back(numbers(n * m, low[r], high[r]));
     for (Index i = 0; i < n * m; ++i) rows[0][static_cast<std::size_t>(i)] = 0.25 * static_cast<double>(i / m);
     if (sometimes(0.2)) rows[static_cast<std::size_t>(whole(3, 14))].back() = std::nan("");
     for (Index j = 0; j < m; ++j) count.push_back(whole(2, n));
@@ -57,7 +57,7 @@ struct Tracks {
     const auto row = [&](std::size_t of) { return Numbers{r[of].data(), m}; };
     const TerrainRows terrain{n,      m,      count.data(), row(0), row(1), row(2),
                               row(3), row(4), {},           row(5), row(6), {}};
-    const ForceRows forces{row(7), row(8), row(9), row(10), row(11), row(12), {}, {}, offset.data()};
+    const ForceRows forces{row(7), row(8), row(9), row(10), row(11), row(15), row(12), {}, {}, offset.data()};
     return {terrain, forces, row(13), slips ? row(14) : Numbers{}};
   }
 };
