@@ -37,11 +37,24 @@ class OwnRows {
   Index stride_ = 0;
 };
 
-struct Planner::Candidates {
-  PlanningModel model;
+// Heights of a map, those that are none made unknown, and what wheels feel of them.
+struct MapGround {
   HeightMap map;
   std::vector<double> heights;
   HeightGrid grid;
+
+  MapGround(const Footprint& tyre, const HeightMap& on)
+      : map(on), heights(on.heights, on.heights + on.rows * on.columns),
+        grid(heights.data(), on.rows, on.columns, on.origin_x, on.origin_y, on.resolution, tyre) {
+    for (double& height : heights) {
+      if (!(std::abs(height) <= highest_ground)) height = std::numeric_limits<double>::quiet_NaN();
+    }
+  }
+};
+
+struct Planner::Candidates {
+  PlanningModel model;
+  std::shared_ptr<MapGround> ground;  // also of the candidates beside these
 
   Index stations = 0, candidates = 0;  // N, M
   std::vector<std::int64_t> count;     // (M,)
@@ -62,24 +75,26 @@ struct Planner::Candidates {
   std::vector<std::int64_t> barrier_station;
   std::vector<double> clear_distance, reachable;
 
-  Candidates(const PlanningModel& of, const HeightMap& on)
-      : model(of), map(on), heights(on.heights, on.heights + on.rows * on.columns),
-        grid(heights.data(), on.rows, on.columns, on.origin_x, on.origin_y, on.resolution,
-             of.tyre) {
-    for (double& height : heights) {
-      if (!(std::abs(height) <= highest_ground)) height = std::numeric_limits<double>::quiet_NaN();
-    }
-  }
+  Candidates(const PlanningModel& of, std::shared_ptr<MapGround> on)
+      : model(of), ground(std::move(on)) {}
 
   void allocate(std::initializer_list<OwnRows*> all) const {
     for (OwnRows* rows : all) *rows = OwnRows(stations, candidates);
   }
   void lay(const std::vector<EvenPath>& paths);
-  void sample_ground();
+  // Both sides of the band of tracking errors of candidate j of a batch, as two candidates.
+  void lay_beside(const Candidates& batch, Index j);
+  [[nodiscard]] bool has_band() const noexcept {
+    return model.ground.across > 0.0 || model.ground.across_per_curvature > 0.0;
+  }
+  // With the headings of the body, or those of the lines.
+  void sample_ground(const OwnRows* turned_x = nullptr, const OwnRows* turned_y = nullptr);
   void find_braking_forces();
   void sweep_body();
   void limit_by_rough_ground();
   void limit_by_steering();
+  // Bounds up to the station of each candidate up to which the reference point may come [m].
+  void bound(const std::vector<double>& free);
   [[nodiscard]] TerrainRows terrain() const noexcept;
   [[nodiscard]] PoseRows poses() noexcept {
     return {stations, candidates, body_x.data(), body_y.data(), body_heading_x.data(),

@@ -21,6 +21,8 @@ constexpr double repair_share = 0.96, slowing_share = 0.9;
 constexpr double start_rounding = 1e-9;
 // So far before the end of its path a plan may rest, beside what stops keep free [m].
 constexpr double hardly_short = 1.0;
+// And beside their offset alone: errors of map and place may keep free what is no end any more [m].
+constexpr double farthest_end = 2.9;
 // Of the integrator in time [s], and points inside each segment from which a stop is tried.
 constexpr double time_step = 0.02;
 constexpr Index points_between = 3;
@@ -230,8 +232,9 @@ verify::GroundFinding blocked_by(const Planner::Candidates& c, Index j, const Fi
     y.push_back(c.y.at(k, j));
     force.push_back(on.lower_intercept[k] + on.slowest[k] * on.lower_slope[k]);
   }
-  const verify::MapView map{c.heights.data(), c.map.rows, c.map.columns, c.map.origin_x,
-                            c.map.origin_y, c.map.resolution, 1.0 / c.map.resolution};
+  const HeightMap& of = c.ground->map;
+  const verify::MapView map{c.ground->heights.data(), of.rows, of.columns, of.origin_x,
+                            of.origin_y, of.resolution, 1.0 / of.resolution};
   const verify::PlannedLine line{n, x.data(), y.data(), on.station};
   const Index poses = verify::count_poses(line, verify::pose_step(map, c.model.body));
   Numbers1 memory(static_cast<std::size_t>(verify::ground_memory(line, poses, map.columns)));
@@ -242,18 +245,41 @@ verify::GroundFinding blocked_by(const Planner::Candidates& c, Index j, const Fi
 }
 
 // What even the slowest stop keeps free before the station k where it rests [m].
-double kept_free(const PlanningModel& model, const Finisher& f, std::size_t k) {
+[[nodiscard]] bool rests_at_end(const PlanningModel& model, const Finisher& f, std::size_t k) {
   const verify::Track on = f.columns_of(f.track);
   const double braking = gravity * (on.lower_intercept[k] + on.slowest[k] * on.lower_slope[k] +
                                     std::sin(on.grade[k]));
   const double fall = braking > 0.0 ? gravity * model.errors.height / braking : 0.0;
-  return f.offset + model.errors.along_track + fall;
+  const double free_ahead = f.offset + model.errors.along_track + fall;
+  const double at_end = min_of(free_ahead + hardly_short, f.offset + farthest_end);
+  // Where brakes cannot hold, say, it rests for that, however near the end.
+  for (std::size_t i = k; i + 1 < f.bound.size(); ++i) {
+    if (f.bound[i] <= 0.0 && f.label[i] != limiting::stopping_path) return false;
+  }
+  return on.station[on.last()] - on.station[k] <= at_end;
 }
 
 // The station behind the last at which v² (N,) moves: a plan may begin at rest.
 std::size_t resting(const Numbers1& speed_sq) {
   const auto moving = std::find_if(speed_sq.rbegin(), speed_sq.rend(), [](double v) { return v > 0.0; });
   return std::min(static_cast<std::size_t>(moving.base() - speed_sq.begin()), speed_sq.size() - 1);
+}
+
+// Lower the bounds of candidate j to those of the ground at both sides of its band.
+void lower_by_sides(const Planner::Candidates& c, Index j, Finisher& f) {
+  Planner::Candidates sides(c.model, c.ground);
+  sides.lay_beside(c, j);
+  sides.bound(std::vector<double>(2, c.clear_distance[static_cast<std::size_t>(j)]));
+  double* speed_limit = f.track.data() + verify::speed_limit_column * sides.stations;
+  for (Index k = 0; k < sides.stations; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const Index side = sides.speed_sq_max.at(k, 1) < sides.speed_sq_max.at(k, 0) ? 1 : 0;
+    if (sides.speed_sq_max.at(k, side) < f.bound[i]) {
+      f.bound[i] = sides.speed_sq_max.at(k, side);
+      f.label[i] = sides.limiting[static_cast<std::size_t>(2 * k + side)];
+    }
+    speed_limit[i] = min_of(speed_limit[i], std::sqrt(f.bound[i]));
+  }
 }
 
 Plan plan_of(Finisher& f, const Numbers1& speed_sq, Status status, bool smoothed) {
@@ -286,6 +312,7 @@ Plan Planner::finish(std::size_t candidate) {
     reaches = false;
     f.stop_before(found.station);
   }
+  if (c.has_band()) lower_by_sides(c, j, f);
   Numbers1 speed_sq(n);
   bool slowed = false;
   if (!f.fastest(speed_sq) || !f.repair(speed_sq, slowed)) {
@@ -296,9 +323,7 @@ Plan Planner::finish(std::size_t candidate) {
     return plan_of(f, speed_sq, c.start_sq > 0.0 ? Status::infeasible : Status::degraded, false);
   }
   const bool smoothed = f.smooth_below(speed_sq);
-  const std::size_t at = resting(speed_sq);
-  const double short_by = c.station.at(static_cast<Index>(n) - 1, j) - f.columns_of(f.track).station[at];
-  if (short_by > kept_free(c.model, f, at) + hardly_short) reaches = false;
+  if (!rests_at_end(c.model, f, resting(speed_sq))) reaches = false;
   const Status status = !smoothed || slowed ? Status::degraded
                         : reaches           ? Status::ok
                                             : Status::blocked;

@@ -66,7 +66,7 @@ Planner::Planner(const PlanningModel& model, const HeightMap& map) {
   expect(std::isfinite(map.origin_x) && std::isfinite(map.origin_y), "map: expected a finite origin");
   expect_resolution(map.resolution, model.resolution);
   expect(!model.surfaces.empty(), "model: expected a surface");
-  candidates_ = std::make_unique<Candidates>(model, map);
+  candidates_ = std::make_unique<Candidates>(model, std::make_shared<MapGround>(model.tyre, map));
 }
 
 Planner::~Planner() = default;
@@ -104,7 +104,41 @@ void Planner::Candidates::lay(const std::vector<EvenPath>& paths) {
   }
 }
 
-void Planner::Candidates::sample_ground() {
+// As planner/pipeline/band_bounds.py has it: stations and bends are those of the candidate.
+void Planner::Candidates::lay_beside(const Candidates& batch, Index j) {
+  candidates = 2;
+  count.assign(2, batch.count[static_cast<std::size_t>(j)]);
+  stations = static_cast<Index>(count[0]);
+  OwnRows turned_x(stations, candidates), turned_y = turned_x;
+  x = y = turned_x;
+  const verify::GroundLimits& error = model.ground;
+  for (Index k = 0; k < stations; ++k) {
+    const double dx = batch.body_heading_x.at(k, j), dy = batch.body_heading_y.at(k, j);
+    const double across =
+        error.across + error.across_per_curvature * std::abs(batch.curvature.at(k, j));
+    for (Index side : {0, 1}) {
+      const double left = side == 0 ? across : -across;
+      x.rows().at(k)[side] = batch.x.at(k, j) - left * dy;
+      y.rows().at(k)[side] = batch.y.at(k, j) + left * dx;
+      turned_x.rows().at(k)[side] = dx;
+      turned_y.rows().at(k)[side] = dy;
+    }
+  }
+  sample_ground(&turned_x, &turned_y);
+  for (Index k = 0; k < stations; ++k) {
+    for (Index side : {0, 1}) {
+      station.rows().at(k)[side] = batch.station.at(k, j);
+      curvature.rows().at(k)[side] = batch.curvature.at(k, j);
+      heading_x.rows().at(k)[side] = batch.heading_x.at(k, j);
+      heading_y.rows().at(k)[side] = batch.heading_y.at(k, j);
+    }
+  }
+  find_braking_forces();
+  hazard.assign(static_cast<std::size_t>(stations * candidates), 0);
+  rough_speed = steering_speed = OwnRows(stations, candidates, no_limit);
+}
+
+void Planner::Candidates::sample_ground(const OwnRows* turned_x, const OwnRows* turned_y) {
   allocate({&z, &station, &heading_x, &heading_y, &curvature, &grade, &sin_grade, &sin_roll, &bends,
             &body_x, &body_y, &body_heading_x, &body_heading_y});
   const auto cells = static_cast<std::size_t>(stations * candidates);
@@ -112,12 +146,14 @@ void Planner::Candidates::sample_ground() {
   twist.assign(cells, 0.0F);
   front.assign(2 * cells, 0.0F);
   const TerrainTable table{
-      stations, candidates, x.data(), y.data(), count.data(), nullptr, nullptr,
+      stations, candidates, x.data(), y.data(), count.data(),
+      turned_x != nullptr ? turned_x->read().data : nullptr,
+      turned_y != nullptr ? turned_y->read().data : nullptr,
       model.body.body_offset, z.data(), station.data(), heading_x.data(), heading_y.data(),
       curvature.data(), grade.data(), sin_grade.data(), sin_roll.data(), bends.data(), known.get(),
       twist.data(), front.data()};
   slopewise::sample_ground(
-      grid, table, {body_x.data(), body_y.data(), body_heading_x.data(), body_heading_y.data()},
+      ground->grid, table, {body_x.data(), body_y.data(), body_heading_x.data(), body_heading_y.data()},
       model.steering.centre_offset, 2.0 * model.envelope.half_length,
       2.0 * model.envelope.half_width);
 }
@@ -153,8 +189,9 @@ void Planner::Candidates::sweep_body() {
   double spacing = 0.0, widest = 0.0;
   for (Index j = 0; j < candidates; ++j) spacing = max_of(spacing, spacing_of(j));
   OwnRows across(stations, candidates);
+  const HeightMap& map = ground->map;
   const verify::GroundLimits& error = model.ground;
-  const bool banded = error.across > 0.0 || error.across_per_curvature > 0.0 || error.turned > 0.0;
+  const bool banded = has_band() || error.turned > 0.0;
   for (Index n = 0; n < stations * candidates; ++n) {
     across.data()[n] =
         error.across + error.across_per_curvature * std::abs(curvature.data()[n]);
@@ -163,7 +200,7 @@ void Planner::Candidates::sweep_body() {
   std::optional<BandWidth> band;
   const double step = band_share * map.resolution;
   if (banded) band = {step * std::ceil(widest / step), error.turned, model.body.body_offset};
-  const MapView view{heights.data(), map.rows, map.columns, map.origin_x, map.origin_y,
+  const MapView view{ground->heights.data(), map.rows, map.columns, map.origin_x, map.origin_y,
                      1.0 / map.resolution};
   const BroadPhase phase(view, map.resolution, model.envelope, band,
                          {stations, candidates, body_x.data(), body_y.data()}, 0.0);
@@ -178,7 +215,7 @@ void Planner::Candidates::limit_by_rough_ground() {
   rough_speed = OwnRows(stations, candidates, no_limit);
   std::vector<double> spacing;
   for (Index j = 0; j < candidates; ++j) spacing.push_back(spacing_of(j));
-  limit_ride_speeds(grid, model.envelope,
+  limit_ride_speeds(ground->grid, model.envelope,
                         {model.ride_frequency, model.ride_damping, model.limits.vertical_accel,
                          model.limits.speed},
                         {poses(), z.data(), spacing.data(), count.data(), front.data(),

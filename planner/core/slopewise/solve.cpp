@@ -21,31 +21,35 @@ ForceRows Planner::Candidates::forces(const OwnRows& slope,
           flags(trained), distance_offset.data()};
 }
 
+void Planner::Candidates::bound(const std::vector<double>& free) {
+  const auto cells = static_cast<std::size_t>(stations * candidates);
+  const auto lanes = static_cast<std::size_t>(candidates);
+  allocate({&speed_sq_max, &accel_max, &lift, &lift_per_speed_sq, &demand, &slope_left, &force_left});
+  limiting.assign(cells, 0);
+  barrier.assign(lanes, 0);
+  barrier_station.assign(lanes, 0);
+  clear_distance.assign(lanes, 0.0);
+  const BoundProblem problem{
+      terrain(), forces(force_lower_slope, force_lower), {hazard.data(), candidates},
+      rough_speed.read(), steering_speed.read(), alike_infinite.unless({}), sliding_friction(),
+      free.data(), model.errors, model.limits, model.motion, true};
+  bound_speeds(problem,
+               {speed_sq_max.rows(), {limiting.data(), candidates}, accel_max.rows(), lift.rows(),
+                lift_per_speed_sq.rows(), demand.rows(), slope_left.rows(), force_left.rows(),
+                barrier.data(), barrier_station.data(), clear_distance.data()},
+               BoundMemory::of_thread(stations, candidates));
+}
+
 void Planner::solve(double start_speed, double clear) {
   Candidates& c = *candidates_;
   expect(c.candidates > 0, "solve: expected sample_terrain before");
   expect(start_speed >= 0.0 && start_speed <= most_speed, "start_speed: expected 0 to 1000 m/s");
   expect(clear >= 0.0, "clear: expected a distance >= 0");
-  const auto cells = static_cast<std::size_t>(c.stations * c.candidates);
   const auto lanes = static_cast<std::size_t>(c.candidates);
-  c.allocate({&c.speed_sq_max, &c.accel_max, &c.lift, &c.lift_per_speed_sq, &c.demand,
-              &c.slope_left, &c.force_left, &c.speed_sq});
-  c.limiting.assign(cells, 0);
-  c.barrier.assign(lanes, 0);
-  c.barrier_station.assign(lanes, 0);
-  c.clear_distance.assign(lanes, 0.0);
-  c.reachable.assign(lanes, 0.0);
   // The front of the vehicle stays on the free way.
-  const std::vector<double> free(lanes, max_of(clear - c.model.front, 0.0));
-  const BoundProblem problem{
-      c.terrain(), c.forces(c.force_lower_slope, c.force_lower), {c.hazard.data(), c.candidates},
-      c.rough_speed.read(), c.steering_speed.read(), alike_infinite.unless({}),
-      c.sliding_friction(), free.data(), c.model.errors, c.model.limits, c.model.motion, true};
-  bound_speeds(problem,
-               {c.speed_sq_max.rows(), {c.limiting.data(), c.candidates}, c.accel_max.rows(),
-                c.lift.rows(), c.lift_per_speed_sq.rows(), c.demand.rows(), c.slope_left.rows(), c.force_left.rows(), c.barrier.data(),
-                c.barrier_station.data(), c.clear_distance.data()},
-               BoundMemory::of_thread(c.stations, c.candidates));
+  c.bound(std::vector<double>(lanes, max_of(clear - c.model.front, 0.0)));
+  c.allocate({&c.speed_sq});
+  c.reachable.assign(lanes, 0.0);
   c.start_sq = start_speed * start_speed;
   const std::vector<double> start(lanes, c.start_sq);
   solve_time_optimal({c.stations, c.candidates, c.station.read(), c.speed_sq_max.read(),

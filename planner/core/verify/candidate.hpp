@@ -35,6 +35,7 @@ struct Track {
 };
 
 inline constexpr Index track_columns = 15;
+inline constexpr Index speed_limit_column = 12;
 
 [[nodiscard]] inline Track track_at(Index stations,
                                     const std::array<const double*, track_columns>& c) noexcept {
