@@ -25,6 +25,7 @@ from slopewise.models.stop_logs.held_values import fresh_samples, held_period
 from slopewise.models.stop_logs.measure import Measured, Slope, measure
 from slopewise.models.stop_logs.mount_of_log import mount_of_log
 from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.speed_scale import note_on_speed
 from slopewise.models.stop_logs.stop_record import StopSamples, cut
 
 _STOP_DEFINITION = (
@@ -130,7 +131,8 @@ def measure_stops(
         mount, slope = again
         measured = measure(stops, mount, slope, (measured.dive, measured.oscillation), bounds)
     sparse = tuple(samples(w for w in windows if w.verdict is Usability.SPARSE))
-    notes = (*notes, *_note_on_rate(columns, runs), *_notes_on_stops(measured))
+    on_speed = *_note_on_rate(columns, runs), *note_on_speed(columns, runs, is_usable)
+    notes = (*notes, *on_speed, *_notes_on_stops(measured))
     return MeasuredLog(measured, mount, windows, suspects, sparse, notes)
 
 
