@@ -90,7 +90,8 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
 def read_drive_log(paths: Sequence[Path], names: Sequence[ColumnName] = ()) -> DriveLog:
     """One log from one or several tables, in the order given.
 
-    Columns that only some of the files have are NaN (`terrain`, `session`: empty) in the others.
+    Columns that only some of the files have are NaN (`terrain`: empty) in the others. Each of
+    several files is one session, where its column `session` does not say otherwise.
     ``names`` are those that differ from a drive log's.
     """
     if not paths:
@@ -106,6 +107,8 @@ def _log_of_tables(tables: Sequence[Table]) -> DriveLog:
         name: np.concatenate([columns.get(name, _missing(name, columns)) for columns, _ in parts])
         for name in names
     }
+    if len(tables) > 1:
+        joined["session"] = _sessions(tables)
     runs: list[slice] = []
     sources: list[str] = []
     begin = 0
@@ -119,6 +122,19 @@ def _log_of_tables(tables: Sequence[Table]) -> DriveLog:
     for column in joined.values():
         column.flags.writeable = False
     return DriveLog(joined, tuple(runs), tuple(sources), one_clock, _notes(tables))
+
+
+def _sessions(tables: Sequence[Table]) -> NDArray[Any]:
+    """Session of each row: what its file states, else the file's name."""
+    stems = [Path(table.source).stem for table in tables]
+    names = stems if len(set(stems)) == len(stems) else [table.source for table in tables]
+    parts = []
+    for table, name in zip(tables, names, strict=True):
+        stated = np.full(len(table.rows), "")
+        if "session" in table.columns:
+            stated = np.char.strip(np.array(table.text("session")))
+        parts.append(np.where(stated == "", name, stated))
+    return np.concatenate(parts)
 
 
 def _check_repeated(
@@ -139,8 +155,10 @@ def _check_repeated(
 
 
 def _notes(tables: Sequence[Table]) -> tuple[str, ...]:
-    """Which columns stand for a speed or command that a file does not have."""
+    """Which columns stand for a speed or command that a file does not have, and its session."""
     notes: dict[str, None] = {}
+    if len(tables) > 1 and any("session" not in table.columns for table in tables):
+        notes["a file without a column session counts as one session"] = None
     for columns in (table.columns for table in tables):
         if "v" not in columns:
             notes[f"v is {source_of_speed(columns)}"] = None

@@ -55,6 +55,25 @@ def test_several_files_are_one_log(tmp_path: Path) -> None:
     assert not read_drive_log([b, a]).one_clock
 
 
+def test_a_file_is_a_session_unless_it_says_otherwise(tmp_path: Path) -> None:
+    rows = "{run},{t},1,1,0{s}\n{run},{u},1,0,0{s}\n"
+    plain = [
+        written(tmp_path / f"{t}.csv", f"{HEADER}\n{rows.format(run=1, t=t, u=t + 1, s='')}")
+        for t in (0, 9)
+    ]
+    days = rows.format(run=1, t=3, u=4, s=",wet") + rows.format(run=2, t=5, u=6, s=",")
+    stated = written(tmp_path / "c.csv", f"{HEADER},session\n{days}")
+    (note,) = (log := read_drive_log([*plain, stated])).notes
+    assert "counts as one session" in note
+    sessions = [str(log.columns["session"][run.start]) for run in log.runs]
+    assert sessions == ["0", "9", "wet", "c"]
+    # Of one file each run counts as a session; and names of files may be alike.
+    assert "session" not in read_drive_log(plain[:1]).columns
+    (tmp_path / "more").mkdir()
+    namesake = written(tmp_path / "more" / "0.csv", f"{HEADER}\n2,50,1,1,0\n")
+    assert len(set(read_drive_log([plain[0], namesake]).columns["session"].tolist())) == 2
+
+
 def test_a_drive_is_not_counted_twice(tmp_path: Path) -> None:
     rows = "\n{r},0,1,1,0\n{r},1,0.5,0,0"
     a = written(tmp_path / "a.csv", HEADER + rows.format(r="x"))
