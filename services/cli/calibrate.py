@@ -60,12 +60,14 @@ def calibrate(
 
     [bold]Example[/]  slopewise calibrate drive.csv --model atv --out mine.toml --report stops.html
     """
+    from slopewise.services.io.files import check_ending
     from slopewise.services.io.model_file import write_model
     from slopewise.services.jobs import calibrate as job
     from slopewise.services.jobs import calibration_summary as summaries
     from slopewise.services.jobs.log_input import LogInput
     from slopewise.services.report import calibration_page
 
+    check_ending(out, ".toml")
     if sheet is not None:
         from slopewise.services.report import brake_sheet
 

@@ -62,14 +62,15 @@ def plan(
     """
     from slopewise.planner.ground.uncertainty import Uncertainty
     from slopewise.planner.settings import PlannerSettings
+    from slopewise.services.io.files import check_ending
     from slopewise.services.jobs import plan as job
-    from slopewise.services.jobs.plan_files import check_plan_name, write_plans
+    from slopewise.services.jobs.plan_files import ENDINGS, write_plans
     from slopewise.services.jobs.plan_summary import summarise
     from slopewise.services.jobs.summary import from_options
 
     settings = from_options(PlannerSettings, smooth=smooth, solver=solver, spacing=spacing)
     uncertainty = from_options(Uncertainty, quantile=quantile)
-    check_plan_name(out)
+    check_ending(out, *ENDINGS)
     result = job.plan(
         map_file,
         path_file,

@@ -33,9 +33,11 @@ def simulate(
 
     [bold]Example[/]  slopewise simulate drive.csv --model atv --out sim.csv
     """
+    from slopewise.services.io.files import check_ending
     from slopewise.services.jobs.log_input import LogInput
     from slopewise.services.jobs.simulate import simulate as job
 
+    check_ending(out, ".csv")
     result = job(LogInput(logs, topics=topics, columns=columns), model)
     if out is not None:
         result.write(out)

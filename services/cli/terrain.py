@@ -46,12 +46,14 @@ def terrain(
 
     [bold]Example[/]  slopewise terrain drive.csv --model husky --out terrain.csv --update mine.toml
     """
+    from slopewise.services.io.files import check_ending
     from slopewise.services.io.model_file import write_model
     from slopewise.services.jobs import terrain_outputs as outputs
     from slopewise.services.jobs.log_input import LogInput
     from slopewise.services.jobs.terrain import terrain as job
     from slopewise.services.jobs.terrain_summary import summarise
 
+    check_ending(out, ".csv")
     log_input = LogInput(logs, topics=topics, columns=columns)
     result = job(log_input, model, terrains=terrains)
     note = ""

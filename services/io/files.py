@@ -35,6 +35,13 @@ def fault(source: object, field: str, expected: str) -> InputError:
     return InputError(*(one_line(str(part)) for part in (source, field, expected)))
 
 
+def check_ending(path: Path | None, *endings: str) -> None:
+    """Raise InputError for a name, of a file to write, that has the ending of another format."""
+    if path is not None and path.suffix and path.suffix.lower() not in endings:
+        expected = f"expected a name that ends in {' or '.join(endings)}, got {path.suffix}"
+        raise fault(path, "", expected)
+
+
 @contextlib.contextmanager
 def faults_of(source: object, prefix: str = "") -> Iterator[None]:
     """Turn a ParameterError of the block into an InputError of a file; prefix its field."""

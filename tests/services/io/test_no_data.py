@@ -319,8 +319,8 @@ def test_nothing_is_planned_on_markers_alone(tmp_path: Path) -> None:
 
 
 def test_check_reads_the_same_ground(tmp_path: Path) -> None:
-    planned(tmp_path, "--nodata", "none", "--out", str(tmp_path / "plan.txt"))
-    arguments = ["check", str(tmp_path / "plan.txt"), "--map", str(tmp_path / "m.tif")]
+    planned(tmp_path, "--nodata", "none", "--out", str(tmp_path / "speeds.CSV"))
+    arguments = ["check", str(tmp_path / "speeds.CSV"), "--map", str(tmp_path / "m.tif")]
     result = here(*arguments, "--model", "atv", "--json")
     reply = json.loads(result.stdout)
     assert any("-9999" in note for note in reply["notes"])
