@@ -11,7 +11,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.typed_arguments import check_fields
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CandidatePath:
     """One polyline to be driven forward from its first point, in map coordinates.
 

@@ -30,7 +30,7 @@ _MAX_CLASS_COUNT = 63
 """Classes of terrain [1]: a station's are bits of one signed integer."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ElevationMap:
     """Heights [m] on a grid, NaN where unknown.
 

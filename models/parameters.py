@@ -6,6 +6,7 @@ by a default; physical constants of a vehicle have none.
 
 from __future__ import annotations
 
+import copyreg
 import dataclasses
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -30,6 +31,14 @@ from slopewise.models.surface_braking import SurfaceBraking, UphillBraking, vali
 from slopewise.models.surface_names import states_of
 from slopewise.models.typed_arguments import check_fields
 from slopewise.models.vehicle import Vehicle
+
+
+def _read_only(mapping: dict[str, object]) -> MappingProxyType[str, object]:
+    return MappingProxyType(mapping)
+
+
+# Models are copied and sent to other processes; Python does neither with a read-only mapping.
+copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 _DEFAULT_DEVIATION_SHARE = 0.25
 """How far from a given path a plan may lead, as a share of the vehicle's width: paths are seldom

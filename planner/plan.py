@@ -62,7 +62,7 @@ class Momentum:
     least_speed: Floats
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class SpeedPlan:
     """Speed along one candidate of N stations; every array is (N,) and SI.
 

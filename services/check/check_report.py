@@ -23,7 +23,7 @@ class Violation:
     sentence: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CheckReport:
     """Result of one plan with N rows at different places."""
 

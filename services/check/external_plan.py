@@ -30,7 +30,7 @@ STANDSTILL_SPEED = 1e-3
 """Speed treated as zero [m/s]: from there a vehicle stops within a millimetre."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExternalPlan:
     """One plan of N rows, at least two where it moves.
 

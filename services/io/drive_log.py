@@ -42,7 +42,7 @@ _MAX_ANGLE = {"pitch": math.pi / 2, "roll": math.pi}
 """Angles beyond are in degrees [rad]: no attitude is larger."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class DriveLog:
     """Samples of one or several files; arrays are (samples,) and read-only.
 

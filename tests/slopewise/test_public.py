@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
+import pickle
 import re
 import subprocess
 import sys
@@ -13,6 +15,7 @@ import numpy as np
 import pytest
 
 import slopewise
+from slopewise.models.parameters import Effect
 from slopewise.services.io.map_file import write_map_npz
 
 
@@ -47,6 +50,24 @@ def test_every_name_is_documented_and_typed() -> None:
     assert (Path(slopewise.__file__).parent / "py.typed").is_file()
     with pytest.raises(AttributeError, match="no attribute 'plans'"):
         _ = slopewise.plans
+
+
+def test_values_are_copied_compared_and_sent_to_other_processes(
+    hill: slopewise.ElevationMap,
+) -> None:
+    model, path = brisk(), straight(5.0)
+    effect = Effect(name="brake_lag", parameters={"tau": 0.2})
+    model = replace(model, effect=(effect,))
+    (plan,) = slopewise.plan(model, hill, [path])
+    report, horizon = slopewise.check_plan(plan, model, hill), slopewise.Horizon(model)
+    for copied in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):
+        assert copied == model
+        assert type(copied.effect[0].parameters) is type(effect.parameters)
+    assert copy.deepcopy(horizon).model == pickle.loads(pickle.dumps(horizon)).model == model
+    for value in (hill, path, plan, report):
+        copied = copy.deepcopy(value)
+        assert value in [copied, value]
+        assert {value: 1}.get(copied) is None
 
 
 def test_readme_and_documentation_use_public_names_only() -> None:
