@@ -175,7 +175,8 @@ def check_speed_limit(facts: RobotFacts) -> Iterator[ConfigIssue]:
     server = facts.nav2.of("controller_server")
     received = str(server.get("speed_limit_topic", "speed_limit")).lstrip("/")
     ours = facts.topics.speed_limit.lstrip("/")
-    if server and received != ours:
+    is_there = "controller_server" in facts.nav2.nodes or "speed_limit_topic" in server
+    if is_there and received != ours:
         yield error(
             "topic of the limit",
             f"the controller subscribes to {received}, limits are published on {ours}",
@@ -195,7 +196,7 @@ def check_speed_limit(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 
 def _check_lock(facts: RobotFacts, mux: Mapping[str, object]) -> Iterator[ConfigIssue]:
-    if not mux:
+    if not {"topics", "locks"} & mux.keys() and "twist_mux" not in facts.nav2.nodes:
         return
     stop, locks = facts.topics.stop, mux.get("locks", {})
     tables = locks.values() if isinstance(locks, Mapping) else ()

@@ -29,6 +29,7 @@ CHECKS: tuple[Callable[[RobotFacts], Iterator[ConfigIssue]], ...] = (
     observed.check_frames,
     observed.check_odometry,
     ground.check_cells,
+    ground.check_heights,
     ground.check_noise,
     ground.check_stated_error,
 )

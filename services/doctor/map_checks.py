@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from slopewise.models.height_noise import EXACT
 from slopewise.models.smallest_seen import (
     TOO_HIGH,
@@ -20,6 +22,9 @@ from slopewise.services.doctor.robot_facts import ConfigIssue, RobotFacts, error
 _REPORTED_RATIO = 1.2
 """Ratio of the lowest step that is seen to the highest that may be climbed, above which it is
 reported [1]."""
+_STEEP = 2.0
+"""Rise over length that half of a map never exceeds [1], 63°: noise of 0.1 m in cells of 0.1 m has
+1."""
 
 
 def check_cells(facts: RobotFacts) -> Iterator[ConfigIssue]:
@@ -33,6 +38,22 @@ def check_cells(facts: RobotFacts) -> Iterator[ConfigIssue]:
             f"cells of {cell:g} m show no steps, no twist and no roughness to wheels of radius "
             f"{radius:g} m",
             f"use cells of at most {radius:g} m",
+        )
+
+
+def check_heights(facts: RobotFacts) -> Iterator[ConfigIssue]:
+    """Heights in another unit than metres: no ground is that steep throughout."""
+    if facts.ground is None:
+        return
+    z, cell = facts.ground.elevation, facts.ground.resolution
+    rises = (np.abs(np.diff(z, axis=axis)) / cell for axis in (0, 1))
+    known = (rise[np.isfinite(rise)] for rise in rises)
+    steepest = max((float(np.median(rise)) for rise in known if len(rise)), default=0.0)
+    if steepest > _STEEP:
+        yield warning(
+            "map heights",
+            f"half of all neighbouring cells rise by {steepest:.1f} m a metre or more",
+            "write heights in metres, not in centimetres or millimetres",
         )
 
 

@@ -24,10 +24,9 @@ def read_nav2(paths: list[Path]) -> Nav2Facts:
     nodes: dict[str, dict[str, Any]] = {}
     for path in paths:
         try:
-            data = YAML(typ="safe").load(read_text(path))
+            tables = dict(_nodes(YAML(typ="safe").load(read_text(path)), ""))
         except (YAMLError, RecursionError) as error:
             raise fault(path, "", f"expected YAML, got: {reason(error)}") from None
-        tables = dict(_nodes(data, ""))
         if not tables:
             raise fault(path, _PARAMETERS, "expected parameters of nodes, got none")
         for name, table in tables.items():

@@ -44,8 +44,8 @@ class Nav2Facts:
     nodes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def of(self, node: str) -> Mapping[str, Any]:
-        """Parameters of a node, empty if it is not there."""
-        return self.nodes.get(node, {})
+        """Parameters of a node, empty if it is not there; those below ``/**`` are every node's."""
+        return {**self.nodes.get("**", {}), **self.nodes.get(node, {})}
 
     def controllers(self) -> dict[str, Mapping[str, Any]]:
         """Path-following plugins by name; without a list Nav2 has one, FollowPath."""

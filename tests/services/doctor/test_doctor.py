@@ -315,6 +315,7 @@ def noisy_map(tmp_path: Path, std: float, cell: float, **stated: Any) -> Path:
         (0.2, 0.1, {"height_std": 0.2}, "map noise", "error"),
         (0.01, 0.5, {}, "map cells", "warning"),
         (0.02, 0.1, {"height_std": 0.01}, "map error", "warning"),
+        (5.0, 0.1, {"height_std": 0.0}, "map heights", "warning"),
     ],
 )
 def test_what_a_map_does_not_show_is_reported_before_planning(

@@ -18,7 +18,7 @@ from slopewise.services.doctor.examine import examine
 from slopewise.services.doctor.nav2_file import read_nav2
 from slopewise.services.doctor.robot_facts import IssueSeverity, RobotFacts
 from slopewise.services.io.model_file import find_model
-from slopewise.services.ros.settings import EdgeSettings
+from slopewise.services.ros.settings import EdgeSettings, Topics
 from tests.services.command_line import here, one_line_of
 from tests.services.doctor.test_doctor import MODEL, NAV2, change, parameters
 
@@ -56,6 +56,7 @@ def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     for text, fact in (
         ("a: [", "expected YAML"),
         ("[" * 20_000, "expected YAML"),
+        ("&a\nb: *a\n", "expected YAML"),
         ("a: 1\n", "parameters of nodes"),
     ):
         file = tmp_path / "p.yaml"
@@ -85,3 +86,11 @@ def test_parameter_names_with_dots_and_namespaces_are_nested(tmp_path: Path) -> 
     nav2 = read_nav2([file])
     assert nav2.controllers() == {"F": {"ax_min": -1.0, "vx_max": 2.0}}
     assert all(f.severity is IssueSeverity.ERROR for f in examine(RobotFacts(MODEL, None, nav2)))
+
+
+def test_parameters_of_all_nodes_count_for_each(tmp_path: Path) -> None:
+    file = tmp_path / "p.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    use_sim_time: true\n    max_decel: [-9.5]\n")
+    facts = RobotFacts(MODEL, EdgeSettings(topics=Topics(speed_limit="other")), read_nav2([file]))
+    (issue,) = examine(facts)
+    assert issue.message.startswith("velocity_smoother counts on 9.5 m/s²")
