@@ -58,9 +58,10 @@ def _units(part: Mapping[str, Floats], vehicle: Vehicle) -> Iterator[tuple[str, 
     moving = (np.abs(part["v"]) > _MOVING) & (np.abs(rim) > _MOVING)
     if moving.sum() >= _MIN_SAMPLES:
         ratio = float(np.median(np.abs(rim[moving] / part["v"][moving])))
-        by_radius = 1.0 / vehicle.wheel_radius
-        if abs(ratio / by_radius - 1.0) < _RATIO and abs(ratio - 1.0) > _RATIO:
-            fact = f"v_left, v_right are {ratio:.2f} times v, as rad/s of these wheels would be"
+        units = (("rad/s of these wheels", 1.0 / vehicle.wheel_radius), ("km/h", 3.6))
+        error, unit = min((abs(ratio / factor - 1.0), unit) for unit, factor in units)
+        if error < _RATIO and abs(ratio - 1.0) > _RATIO:
+            fact = f"v_left, v_right are {ratio:.2f} times v, as {unit} would be"
             yield "v_left", f"expected m/s at the rim: {fact}"
     difference, rate = part["v_right"] - part["v_left"], part["yaw_rate"]
     turning = (np.abs(difference) > _TURNING) & np.isfinite(rate)
@@ -85,6 +86,10 @@ def _signs(part: Mapping[str, Floats], vehicle: Vehicle) -> Iterator[tuple[str, 
             side = _SIDES[0] if left < right else _SIDES[1]
             fact = f"got {left:.1f} A left and {right:.1f} A right on straights"
             yield f"current_{side}", f"expected positive currents to drive forward, {fact}"
+        for side, opposite in zip(_SIDES, (right, left), strict=True):
+            if abs(opposite) > _CLEAR and not part[f"current_{side}"].any():
+                fact = f"got 0 A throughout, and {opposite:.1f} A on the other side"
+                yield f"current_{side}", f"expected the current of a side that drives, {fact}"
     turning = (np.abs(difference) > _TURNING) & np.isfinite(part["yaw_rate"])
     if turning.sum() >= _MIN_SAMPLES:
         achieved = float(np.median(part["yaw_rate"][turning] * np.sign(difference[turning])))

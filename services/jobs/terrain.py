@@ -61,7 +61,7 @@ def terrain(logs: LogInput, model_file: str, *, terrains: str | None = None) -> 
         terrains=known,
         usable_samples=usable_samples,
         seconds=time.perf_counter() - begin,
-        notes=tuple(_notes(log, known, monitor, str(model_path))),
+        notes=tuple(_notes(log, model, known, monitor, str(model_path))),
     )
 
 
@@ -99,13 +99,15 @@ def _check_channels(log: DriveLog) -> None:
 
 
 def _notes(
-    log: DriveLog, terrains: TerrainFile, monitor: TerrainMonitor, model_path: str
+    log: DriveLog, model: Model, terrains: TerrainFile, monitor: TerrainMonitor, model_path: str
 ) -> list[str]:
     notes = []
     if message := monitor.vehicle_check.message():
         notes.append(f"{model_path}: {message}")
     if not monitor.estimator.signed:
         notes.append("no current is negative: taken as magnitudes, their signs from the balance")
+    if model.vehicle.idle_current is None:
+        notes.append("no idle_current in the model file: f_r includes what idling motors take")
     if "roll" not in log.columns:
         notes.append("no column roll: taken as level from side to side")
     if not terrains.terrain:

@@ -170,6 +170,8 @@ def test_logs_of_this_vehicle_are_plausible():
         ({"current_left": lambda i: 1000.0 * i}, "current_left", SuspectKind.SENTINEL, "thrust of"),
         ({"current_left": np.negative}, "current_left", SuspectKind.UNITS, "positive currents"),
         ({"yaw_rate": np.negative}, "yaw_rate", SuspectKind.UNITS, "turns against the wheels"),
+        ({"v": lambda v: v / 3.6}, "v_left", SuspectKind.UNITS, "3.60 times v, as km/h would be"),
+        ({"current_right": np.zeros_like}, "current_right", SuspectKind.UNITS, "0 A throughout"),
     ],
 )
 def test_wrong_units(changes, channel, kind, message):

@@ -116,6 +116,8 @@ def test_a_vehicle_file_that_cannot_be_right_is_reported(world: Path) -> None:
     (note,) = [n for n in data["notes"] if "cannot be right" in n]
     assert note.startswith("light.toml: ")
     assert not [n for n in terrain_json(*TERRAIN)["notes"] if "cannot be right" in n]
+    data = terrain_json("terrain", "terrain.csv", "-m", "husky")  # states no idle current
+    assert any("idle_current" in note and "f_r" in note for note in data["notes"])
 
 
 def test_files_of_earlier_versions_are_read(tmp_path: Path) -> None:
