@@ -20,11 +20,16 @@ def _seconds(text: str, default: float, at_least: float, at_most: float) -> Any:
 class GuardZenoh:
     """Zenoh session."""
 
-    mode: Literal["client", "peer"] = "client"  # of a router, or a peer that listens
+    mode: Literal["client", "peer"] = "client"  # of a router, or a peer
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
     listen: tuple[str, ...] = ()
     config: str = ""  # file with zenoh's own settings
     namespace: str = "slopewise/robot"  # prefix of the keys of the service
+
+    def __post_init__(self) -> None:
+        if self.mode == "peer" and any(not end.endswith(":0") for end in self.listen):
+            expected = "none with a port, which only one of the guard's two processes can have"
+            raise ParameterError("listen", f"{expected}: connect them to a router")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

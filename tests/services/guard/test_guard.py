@@ -279,6 +279,11 @@ def test_shipped_settings_are_the_defaults() -> None:
         ("model = 'atv'\n[timing]\ncommand = 3.0\n", "timing.command", "<= 1"),
         ("model = 'atv'\n[ros]\noutput = 'cmd_vel_nav'\n", "ros.output", "another topic"),
         ("model = 'atv'\n[zenoh]\nmode = 'router'\n", "zenoh.mode", "client"),
+        (
+            "model = 'atv'\n[zenoh]\nmode = 'peer'\nlisten = ['tcp/127.0.0.1:7448']\n",
+            "zenoh.listen",
+            "two processes",
+        ),
         ("model = 'atv'\n[judge]\n", "judge", "unknown key"),
     ],
 )
