@@ -269,7 +269,7 @@ class PlanService:
         """Warnings about the map in use."""
         if snapshot is None:
             return ["no map"]
-        is_old = snapshot.age() > self.config.status.map_age
+        is_old = not snapshot.fixed and snapshot.age() > self.config.status.map_age
         return [
             *(f"degraded: {reason}" for reason in self.degraded(snapshot)),
             *(["map is old"] if is_old else []),

@@ -92,6 +92,8 @@ def test_at_twice_the_age_the_answer_is_a_stop_with_the_reason(client: str) -> N
 def test_a_map_to_begin_with_does_not_age_until_a_first_update() -> None:
     plans, store = service(), MapStore(FLAT)
     assert top(ask(plans, of_age(1e6, fixed=True))) == top(ask(plans, of_age(0.0)))
+    assert "map is old" in plans.warnings(of_age(1e6))
+    assert "map is old" not in plans.warnings(of_age(1e6, fixed=True))
     assert snapshot_of(store).fixed
     patch = flat(patch=True, elevation=np.zeros((2, 2)), resolution=0.5, origin=(-5.0, -10.0))
     assert store.apply(patch, "map")
