@@ -64,6 +64,8 @@ def count(folder: Path, files: Iterable[str]) -> tuple[Counter[str], int]:
         path = folder / CANDIDATES / file
         try:
             table = pq.read_table(path, columns=["status", "admissible"])
+            path = folder / PLANS / file
+            pq.read_metadata(path)  # at its end: a part that was cut has none
         except (pa.ArrowException, OSError):
             message = "expected an intact part: remove it and run again, got something else"
             raise fault(path, "", message) from None

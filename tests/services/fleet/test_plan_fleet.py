@@ -150,6 +150,11 @@ def test_a_second_run_plans_nothing_again(
     min((tmp_path / "plans").iterdir()).unlink()
     assert run(inputs, tmp_path).planned == 9
     assert content(tmp_path) == content(local)
+    for part in (min((tmp_path / "candidates").iterdir()), max((tmp_path / "plans").iterdir())):
+        part.write_bytes(part.read_bytes()[:1000])
+        with pytest.raises(InputError, match=f"{part.parent.name}/.*expected an intact part"):
+            run(inputs, tmp_path)
+        part.unlink()
 
 
 def test_another_request_needs_another_folder(
