@@ -151,12 +151,17 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
 def _ground_force(model: Model, end: str, on: str) -> ModelFunction:
     """With the time of the session as an input where an effect changes with it."""
     inputs = [_GRADE, _ROLL, ("x", "m"), ("y", "m"), ("yaw", "rad")]
-    if any("session_time" in registry.law_of(effect).depends_on for effect in model.effect):
+    depends_on = {name for effect in model.effect for name in registry.law_of(effect).depends_on}
+    if "session_time" in depends_on:
         inputs.append(("session_time", "s, since the session began"))
 
     def term(grade: Any, roll: Any, x: Any, y: Any, yaw: Any, time: Any = 0.0) -> Any:
         here = Place(grade, roll, x, y, yaw, time)
-        return registry.ground_term(model.effect, here) + 0.0 * (roll + x + y + yaw + time)
+        force = registry.ground_term(model.effect, here) + 0.0 * (roll + x + y + yaw + time)
+        if "place" not in depends_on:
+            return force
+        # A position that is not known may be on a weak patch: no number, and no stop is known.
+        return choose(np.fabs(x) + np.fabs(y) < np.inf, force, np.nan)
 
     meaning = f"what effects of the place add to F_b/W{on}"
     return _model_function(f"ground_force{end}", tuple(inputs), ("force_ratio", "1"), meaning, term)

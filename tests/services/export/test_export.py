@@ -139,6 +139,18 @@ def test_a_part_of_the_brakes_slows_by_its_part() -> None:
     assert less == pytest.approx(share * (hot - rolls) + rolls, rel=1e-12)
 
 
+def test_no_stop_is_known_at_a_place_that_is_not() -> None:
+    patch = {"delta": -0.1, "x": 1.0, "y": 2.0, "radius": 3.0}
+    data = tomllib.loads(find_model("atv").read_text())
+    data["effect"] = [{"name": "surface_patch", "parameters": patch}]
+    functions = {f.name: f.function for f in functions_of(model_from_dict(data, "test"))}
+    for x, y, stops in ((1.0, 2.0, True), (np.nan, 2.0, False), (1.0, np.nan, False)):
+        force = float(functions["ground_force"](0.0, 0.0, x, y, 0.0))
+        assert (force == patch["delta"]) == stops
+        assert np.isfinite(float(functions["stopping_distance"](2.0, 0.0, force))) == stops
+        assert (float(functions["speed_bound"](2.0, 0.0, force)) > 0.0) == stops
+
+
 def test_casadi_reads_it_again(model: Model, tmp_path: Path) -> None:
     functions = functions_of(model)
     write_functions(functions, tmp_path / "model.casadi")
