@@ -110,13 +110,14 @@ def _log_of_tables(tables: Sequence[Table]) -> DriveLog:
     if len(tables) > 1:
         joined["session"] = _sessions(tables)
     runs: list[slice] = []
-    sources: list[str] = []
+    files: list[int] = []
     begin = 0
-    for table, (columns, table_runs) in zip(tables, parts, strict=True):
+    for file, (columns, table_runs) in enumerate(parts):
         runs += (slice(begin + run.start, begin + run.stop) for run in table_runs)
-        sources += [table.source] * len(table_runs)
+        files += [file] * len(table_runs)
         begin += len(columns["t"])
-    _check_repeated(joined, runs, sources)
+    sources = [tables[file].source for file in files]
+    _check_repeated(joined, runs, files, sources)
     t = joined["t"]
     one_clock = all(t[a.stop - 1] < t[b.start] for a, b in itertools.pairwise(runs))
     for column in joined.values():
@@ -138,9 +139,12 @@ def _sessions(tables: Sequence[Table]) -> NDArray[Any]:
 
 
 def _check_repeated(
-    columns: dict[str, NDArray[Any]], runs: Sequence[slice], sources: Sequence[str]
+    columns: dict[str, NDArray[Any]],
+    runs: Sequence[slice],
+    files: Sequence[int],
+    sources: Sequence[str],
 ) -> None:
-    """No drive is in two files: its stops would count as more evidence than there is.
+    """No drive is in two files, nor in one given twice: stops would count as more than there are.
 
     Of one file two runs may be equal: simulated ones without noise are.
     """
@@ -148,7 +152,7 @@ def _check_repeated(
     for i, run in enumerate(runs):
         t, v = columns["t"][run], columns["v"][run]
         first = seen.setdefault(hash((t.tobytes(), v.tobytes())), i)
-        if sources[first] != sources[i] and np.any(v != v[0]):
+        if files[first] != files[i] and np.any(v != v[0]):
             name, same = columns["run"][run.start], columns["run"][runs[first].start]
             expected = f"expected each drive once, got run {same} of {sources[first]} again"
             raise fault(sources[i], f"run {name}", expected)

@@ -80,6 +80,8 @@ def test_a_drive_is_not_counted_twice(tmp_path: Path) -> None:
     copy = written(tmp_path / "copy.csv", HEADER + rows.format(r="y"))
     with pytest.raises(InputError, match=r"copy.csv: run y: expected each .* run x of .*a.csv"):
         read_drive_log([a, copy])
+    with pytest.raises(InputError, match=r"a.csv: run x: expected each .* run x of .*a.csv again"):
+        read_drive_log([a, a])
     still = written(tmp_path / "still.csv", f"{HEADER}\n1,0,0,0,0\n2,0,0,0,0")
     assert len(read_drive_log([a, still]).runs) == 3
     simulated = written(
