@@ -86,8 +86,10 @@ inline void turn(const ProfileProblem& p, Index k, Index lanes) noexcept {
 // One station on under acceleration, or to what power can reach.
 //
 // The speed there is the root of a cubic, which Newton's steps approach from above; v² is the root
-// of a concave function, so that the last step, on its tangent, ends at or below it. Holding the
-// speed is always possible, because no bound is above what power sustains.
+// of a concave function, so that the last step, on its tangent, ends at or below it. After four
+// steps it is within 1e-11 m/s: were it not, a higher acceleration limit, from which they begin
+// farther away, would make a plan slower. Holding the speed is always possible, because no bound is
+// above what power sustains.
 inline void speed_up(const ProfileProblem& p, Index k, Index lanes) noexcept {
   const double specific_power = p.specific_power;
   const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
@@ -103,7 +105,7 @@ inline void speed_up(const ProfileProblem& p, Index k, Index lanes) noexcept {
     const double cost = twice * gravity * max_of(thrust_0[j], thrust_1[j]) - here;
     const double power = twice * gravity * specific_power, needed = top + cost;
     double v = std::sqrt(max_of(top, standstill_sq));
-    for (int step = 0; step < 2; ++step) {
+    for (int step = 0; step < 4; ++step) {
       const double lacking = max_of(v * (v * v + cost) - power, 0.0);
       v -= lacking / max_of(3.0 * v * v + cost, standstill_sq);
       v = max_of(v, standstill_speed);

@@ -35,14 +35,14 @@ def braked(row: Any, ahead: Any, after: float) -> float:
 
 
 def powered(row: Any, ahead: Any, before: float, top: float, specific_power: float) -> float:
-    """v² that power reaches: two of Newton's steps from above, then one on the tangent over v²."""
+    """v² that power reaches: four of Newton's steps from above, then one on the tangent over v²."""
     ds = ahead.station - row.station
     cost = 2.0 * ds * G * max(row.demand, ahead.demand) - before
     power = 2.0 * ds * G * specific_power
     if not (top + cost > 0.0 and (top + cost) ** 2 * top > power**2):
         return top
     v = np.sqrt(max(top, 1e-6))
-    for _ in range(2):
+    for _ in range(4):
         v = max(v - max(v**3 + cost * v - power, 0.0) / max(3.0 * v * v + cost, 1e-6), 1e-3)
     tangent = max(v * v + cost - power / v, 0.0) / (1.0 + 0.5 * power / v**3)
     return float(min(top, max(v * v - tangent, before)))
