@@ -95,7 +95,8 @@ def check_reported_stops(
     distance, (shortest, rear, side) = plan.stop_distance, nominal
     longest, lightest_rear, lightest_side = worst
     uneven = _UNEVEN * shortest
-    shortest, longest = shortest - gone, longest * (1.0 + _MORE) + _MORE_DISTANCE - gone
+    more = _MORE_DISTANCE + _offset_beyond(drive)
+    shortest, longest = shortest - gone, longest * (1.0 + _MORE) + more - gone
     for kind, reported, min_value, max_value, slack in (
         ("stop_distance", distance, shortest, longest, uneven),
         ("rear_load", plan.rear_load, lightest_rear - _MORE_LOAD, rear, 0.0),
@@ -114,6 +115,16 @@ def check_reported_stops(
                 f"reported stopping distances are up to {longer.max():.2f} m longer than by the "
                 "model's mean, as in a plan with margins"
             )
+
+
+def _offset_beyond(drive: CheckedDrive) -> float:
+    """By how much the safety offset of a surface behind the rows may be longer than theirs [m].
+
+    A plan counts the longest of its whole path, and its rows end at the clear distance.
+    """
+    braking = drive.field.model.braking
+    longest = max(table.distance_offset for table in (braking, *map(braking.on, braking.terrain)))
+    return max(longest - drive.field.brakes.offset, 0.0)
 
 
 def check_clear_distance(
