@@ -64,7 +64,7 @@ class RecentCommands:
         if state.invalid_field():
             return UnseenMotion(0.0)
         time = state.age + latency
-        recent = list(islice(self._driven, 1 + math.ceil(time / period)))
+        recent = list(islice(self._driven, 1 + math.ceil(min(time / period, _CYCLES))))
         speed = measured = max(state.speed, 0.0)
         for commanded, _ in reversed(recent):
             # Nothing is certain of how soon it slows down.

@@ -143,6 +143,14 @@ def test_stops_of_a_plan_survive_the_oldest_state_of_late() -> None:
     assert careful < fast - 0.05
 
 
+@pytest.mark.parametrize("age", [1e30, 1e300])
+def test_a_state_older_than_any_vehicle_is_answered_by_full_braking(age: float) -> None:
+    state = PlanarState(x=0.0, y=0.0, heading=0.0, speed=1.0, age=age)
+    answer = Horizon(model_of(tables_with())).step(state, [straight(20.0)], plane())
+    assert answer.chosen.status is Status.INFEASIBLE
+    assert answer.command.speed == 0.0
+
+
 def test_a_command_is_the_slower_one_of_two_times() -> None:
     vehicle = Obedient(straight(14.0), plane())
     plan = vehicle.cycle(0.0).chosen

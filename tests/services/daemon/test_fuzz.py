@@ -98,12 +98,13 @@ class Desk:
         self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(config, prior, apply=self.plans.learn)
         heights = np.zeros((12, 16))
-        self.ground = MapSnapshot(
-            ElevationMap(elevation=heights, resolution=0.5, origin=(-3.0, -3.0)),
-            1,
-            time.monotonic(),
-        )
-        self.maps = MapStore(self.ground.elevation_map)
+        self.level = ElevationMap(elevation=heights, resolution=0.5, origin=(-3.0, -3.0))
+        self.maps = MapStore(self.level)
+
+    @property
+    def ground(self) -> MapSnapshot:
+        """As received now: a night takes longer than a map may be old."""
+        return MapSnapshot(self.level, 1, time.monotonic())
 
     def handle(self, key: str, payload: bytes, encoding: str) -> str:
         kind = type(messages_of[key][0])
