@@ -21,7 +21,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.ground_terms import ground_terms
-from slopewise.planner.ground.surfaces import surface_cache_of
+from slopewise.planner.ground.surfaces import DEAD, surface_cache_of
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 
@@ -66,7 +66,8 @@ class BrakingGround:
     Attributes:
         lower_slope, lower_intercept: lower bound of F_b/W [s/m], [1].
         upper_slope, upper_intercept: upper bound of F_b/W [s/m], [1].
-        dead_time, shortest_dead_time: from stop command to onset, of the surfaces there [s].
+        dead_time: from stop command to onset, the longest of the surfaces on the way [s].
+        shortest_dead_time: the shortest of the surfaces there [s].
         slowest: speed below which the coefficients no longer change [m/s].
         fastest: highest trained speed, on that grade where the model has a hull [m/s].
         trained: the grade lies in the trained range, or extrapolation is allowed.
@@ -132,6 +133,8 @@ def ground_along(
     )
     errors = stop_errors(model, uncertainty, profile.height_std, now.pose_age)
     low_slope, low, up_slope, up, dead_time, shortest, slowest, fastest = rows[:8]
+    if np.ptp(known.table[:, DEAD]) > 0.0:
+        dead_time = _until_onset(dead_time, profile.station, model.limits.speed, errors.latency)
     return BrakingGround(
         low_slope,
         low,
@@ -149,6 +152,17 @@ def ground_along(
         rows[8] if known.slides else None,
         errors,
     )
+
+
+def _until_onset(dead_time: Floats, station: Floats, speed: float, latency: float) -> Floats:
+    """Dead times (N, M) of stops that lead onto ground with a longer one before brakes hold [s]."""
+    longest, times = dead_time, np.unique(dead_time)[1:]
+    for time in [*times] * len(times):  # each may lead on to ground with a longer one
+        ahead = np.where(dead_time >= time, station, np.inf)
+        begins = np.minimum.accumulate(ahead[::-1])[::-1]
+        is_reached = begins <= station + speed * (longest + latency)
+        longest = np.where(is_reached, np.maximum(longest, time), longest)
+    return longest
 
 
 def stop_errors(

@@ -8,6 +8,7 @@ the highest. Source: Braking (6)–(8); order of the effects as in
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ class PathForce(NamedTuple):
     trained_speed_max: Floats  # (M,) highest trained speed of them all, by grade [m/s]
     extra: Floats  # (M,) ground terms [1]
     friction: Floats  # (M,) lowest μ of them all, :data:`NO_FRICTION_LIMIT` where unknown
-    dead_time: Floats  # (M,) longest of them all [s]
+    dead_time: Floats  # (M,) longest of them all, and of those till the brakes take hold [s]
     shortest_dead_time: Floats  # (M,) [s]
     offset: float  # safety offset, the longest along the line [m]
     grade_excess: Floats  # (M,) grade outside the trained range [rad]
@@ -67,11 +68,17 @@ def surface_force(terms: Floats, speed: Floats, *, upper: bool) -> Floats:
 
 
 def path_force_along(
-    model: Model, ground: LineGround, line: Line, class_names: tuple[str, ...], width: float = 0.0
+    model: Model,
+    ground: LineGround,
+    line: Line,
+    class_names: tuple[str, ...],
+    width: float = 0.0,
+    latency: float = 0.0,
 ) -> PathForce:
     """The braking force of a model on the ground along a line.
 
-    ``width`` standard deviations of the force are subtracted; with 0 it is the mean.
+    ``width`` standard deviations of the force are subtracted; with 0 it is the mean. Stops are
+    commanded late by ``latency`` [s].
     """
     names, on = _touched(model, ground, class_names)
     tables = [model.braking.on(name) if name else model.braking for name in names]
@@ -103,12 +110,31 @@ def path_force_along(
         trained_speed_max=lowest(np.array([_trained_speed_max(t, ground.grade) for t in tables])),
         extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
         friction=lowest(np.minimum(caps, NO_FRICTION_LIMIT)),
-        dead_time=-lowest([-dead for dead in dead_times]),
+        dead_time=_until_onset(
+            ground.station, on, dead_times, lambda dead: model.limits.speed * (dead + latency)
+        ),
         shortest_dead_time=lowest(dead_times),
         offset=-float(lowest([-t.distance_offset for t in tables])[: line.driven].min()),
         grade_excess=-lowest(-outside),
         roll_excess=-lowest(-rolled),
     )
+
+
+def _until_onset(
+    station: Floats, on: Bools, dead_times: list[float], reach: Callable[[Floats], Floats]
+) -> Floats:
+    """(M,) longest dead times of the surfaces (R, M) that a vehicle meets until they are over [s].
+
+    ``reach`` is the distance that it drives in them, at most [m].
+    """
+    longest: Floats = np.where(on, np.array(dead_times)[:, None], 0.0).max(axis=0)
+    counts = np.pad(np.cumsum(on, axis=1), ((0, 0), (1, 0)))
+    for _ in dead_times:  # each may lead on to ground with a longer one
+        end = np.searchsorted(station, station + reach(longest), "right")
+        for count, dead in zip(counts, dead_times, strict=True):
+            is_met = count[end] > count[:-1]
+            longest = np.where(is_met, np.maximum(longest, dead), longest)
+    return longest
 
 
 def _touched(

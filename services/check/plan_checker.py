@@ -93,7 +93,9 @@ def check_plan_on_map(
         """Ground under a body on the line, and stops there."""
         ground = ground_under(heights, line._replace(body=body), model.vehicle)
         ground = ground._replace(station=ground.station + first)
-        brakes = path_force_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
+        brakes = path_force_along(
+            model, ground, line, heights.class_names, float(ndtri(quantile)), errors.latency
+        )
         return ground, StopDynamics.along(model, line, ground, brakes, errors)
 
     ground, field = below(line.body)

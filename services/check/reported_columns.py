@@ -95,7 +95,7 @@ def check_reported_stops(
     distance, (shortest, rear, side) = plan.stop_distance, nominal
     longest, lightest_rear, lightest_side = worst
     uneven = _UNEVEN * shortest
-    more = _MORE_DISTANCE + _offset_beyond(drive)
+    more = _MORE_DISTANCE + _offset_beyond(drive) + plan.speed * _later_onset(drive)
     shortest, longest = shortest - gone, longest * (1.0 + _MORE) + more - gone
     for kind, reported, min_value, max_value, slack in (
         ("stop_distance", distance, shortest, longest, uneven),
@@ -115,6 +115,14 @@ def check_reported_stops(
                 f"reported stopping distances are up to {longer.max():.2f} m longer than by the "
                 "model's mean, as in a plan with margins"
             )
+
+
+def _later_onset(drive: CheckedDrive) -> Floats:
+    """By how much the dead time of a row before or behind is longer, which plans count, too [s]."""
+    times = drive.field.brakes.dead_time[drive.line.at_row]
+    around = np.pad(times, 1, mode="edge")
+    later: Floats = np.maximum(around[:-2], around[2:]) - times
+    return np.maximum(later, 0.0)
 
 
 def _offset_beyond(drive: CheckedDrive) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.quantity import GRAVITY
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.guard.guard_model import GuardScene, guard_model
 from slopewise.services.guard.stop_courses import Course, Pose2d, courses_ahead
@@ -73,3 +74,45 @@ def test_the_guard_sees_it_too(speed: float, *, loaded: bool) -> None:
     arc = courses_ahead(scene, Pose2d(9.5, 0.0, 0.0), course, 15.0)
     stops = stops_along(scene.model, arc, np.array([speed]), np.zeros(1), 0.10)
     assert stops.loaded.all() == loaded
+
+
+EDGE, END = 9.1, 13.8  # [m] of the map: gravel with late brakes begins, and known ground ends
+
+
+def late_brakes(dead_time: float) -> Tables:
+    """Gravel on which the brakes are weak and have this dead time [s]."""
+    gravel = {"b_b": 0.16, "dead_time": dead_time}
+    braking = {"b_b": 0.58, "dead_time": 0.61, "distance_offset": 0.0}
+    return tables_with(
+        braking=braking | {"m_b": 0.0, "terrain": {"gravel": gravel}}, limits={"decel": 1.9}
+    )
+
+
+def before_unknown_ground() -> ElevationMap:
+    return ground_map(
+        lambda x, y: np.where(x > END, np.nan, 0.0 * x),
+        classes=lambda x, y: (x > EDGE).astype(int),
+        class_names=("", "gravel"),
+    )
+
+
+def stop_end(station: float, speed: float, edge: float) -> float:
+    """Where a stop ends whose brakes hold once the dead time of the ground then is over [m]."""
+    elapsed, step = 0.0, 1e-3
+    while elapsed < (0.75 if station > edge else 0.61):
+        station, elapsed = station + speed * step, elapsed + step
+    while speed > 0.0:
+        speed -= GRAVITY * (0.16 if station > edge else 0.58) * step
+        station += max(speed, 0.0) * step
+    return station
+
+
+def test_stops_end_in_time_that_lead_onto_ground_with_late_brakes() -> None:
+    tables, ground = late_brakes(0.75), before_unknown_ground()
+    plan = plan_one(tables, ground, straight(30.0), start_speed=3.0)
+    edge = EDGE - 0.5 * model_of(tables).vehicle.wheelbase
+    ends = [stop_end(s, v, edge) for s, v in zip(plan.station, plan.speed, strict=True) if v > 0.0]
+    assert max(ends) <= plan.clear_distance + 1e-3
+    assert_sound(plan, tables, ground)
+    early = plan_one(late_brakes(0.61), ground, straight(30.0), start_speed=3.0)
+    assert "stopping_path" in violations(early, tables, ground)
