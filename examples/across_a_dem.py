@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slopewise import CandidatePath
+from slopewise import CandidatePath, SlopewiseError
 from slopewise.services.cli.app import main
 from slopewise.services.io.map_file import map_info
 from slopewise.services.io.path_file import write_paths_csv
@@ -36,7 +36,10 @@ def run() -> None:
     parser.add_argument("--length", type=float, default=40.0)
     parser.add_argument("--out", type=Path, default=Path("out/across"))
     arguments = parser.parse_args()
-    x_min, x_max, y_min, y_max = map_info(arguments.map).extent
+    try:
+        x_min, x_max, y_min, y_max = map_info(arguments.map).extent
+    except SlopewiseError as error:
+        parser.error(str(error))
     arguments.out.mkdir(parents=True, exist_ok=True)
     paths = arguments.out / "paths.csv"
     write_paths_csv(fan(0.5 * (x_min + x_max), 0.5 * (y_min + y_max), arguments.length), paths)

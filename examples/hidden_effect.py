@@ -95,6 +95,6 @@ def _stop(model: Model, run: int, clock: float, rng: np.random.Generator) -> dic
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) != 2 or sys.argv[1].startswith("-"):
         sys.exit("usage: python examples/hidden_effect.py FOLDER")
     main(Path(sys.argv[1]))
