@@ -133,8 +133,10 @@ def ground_along(
     )
     errors = stop_errors(model, uncertainty, profile.height_std, now.pose_age)
     low_slope, low, up_slope, up, dead_time, shortest, slowest, fastest = rows[:8]
-    if np.ptp(known.table[:, DEAD]) > 0.0:
-        dead_time = _until_onset(dead_time, profile.station, model.limits.speed, errors.latency)
+    times = [t for t in np.unique(known.table[:, DEAD]) if (dead_time == t).any()]
+    if len(times) > 1:
+        speed, latency = model.limits.speed, errors.latency
+        dead_time = _until_onset(dead_time, times, profile.station, speed, latency)
     return BrakingGround(
         low_slope,
         low,
@@ -154,14 +156,21 @@ def ground_along(
     )
 
 
-def _until_onset(dead_time: Floats, station: Floats, speed: float, latency: float) -> Floats:
-    """Dead times (N, M) of stops that lead onto ground with a longer one before brakes hold [s]."""
-    longest, times = dead_time, np.unique(dead_time)[1:]
-    for time in [*times] * len(times):  # each may lead on to ground with a longer one
-        ahead = np.where(dead_time >= time, station, np.inf)
-        begins = np.minimum.accumulate(ahead[::-1])[::-1]
-        is_reached = begins <= station + speed * (longest + latency)
-        longest = np.where(is_reached, np.maximum(longest, time), longest)
+def _until_onset(
+    dead_time: Floats, times: list[float], station: Floats, speed: float, latency: float
+) -> Floats:
+    """Dead times (N, M) of stops that lead onto ground with a longer one before brakes hold [s].
+
+    ``times`` are all that there are, the shortest first.
+    """
+    longest, before = dead_time, np.zeros(0)
+    while not np.array_equal(longest, before):  # each may lead on to ground with a longer one
+        before = longest
+        for time in times[1:]:
+            ahead = np.where(dead_time >= time, station, np.inf)
+            begins = np.minimum.accumulate(ahead[::-1])[::-1]
+            is_reached = begins <= station + speed * (longest + latency)
+            longest = np.where(is_reached, np.maximum(longest, time), longest)
     return longest
 
 
