@@ -93,7 +93,7 @@ def check_reported_stops(
         gone, used = drive.ground.station[rows] - drive.ground.station[0], used & used[0]
         nominal, worst = (np.repeat(of[:, :1], len(rows), axis=1) for of in (nominal, worst))
     distance, (shortest, rear, side) = plan.stop_distance, nominal
-    longest, lightest_rear, lightest_side = worst
+    longest, (lightest_rear, lightest_side) = worst[0], -_highest_around(-worst[1:])
     uneven = _UNEVEN * shortest
     more = _MORE_DISTANCE + _offset_beyond(drive) + plan.speed * _later_onset(drive)
     shortest, longest = shortest - gone, longest * (1.0 + _MORE) + more - gone
@@ -120,9 +120,14 @@ def check_reported_stops(
 def _later_onset(drive: CheckedDrive) -> Floats:
     """By how much the dead time of a row before or behind is longer, which plans count, too [s]."""
     times = drive.field.brakes.dead_time[drive.line.at_row]
-    around = np.pad(times, 1, mode="edge")
-    later: Floats = np.maximum(around[:-2], around[2:]) - times
-    return np.maximum(later, 0.0)
+    return _highest_around(times) - times
+
+
+def _highest_around(values: Floats) -> Floats:
+    """Of rows (…, N), each with the one before and the one behind it."""
+    rows = np.concatenate((values[..., :1], values, values[..., -1:]), axis=-1)
+    highest: Floats = np.maximum(np.maximum(rows[..., :-2], rows[..., 2:]), values)
+    return highest
 
 
 def _offset_beyond(drive: CheckedDrive) -> float:
