@@ -17,9 +17,9 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs.drive_quality import stretches_of
 from slopewise.models.stop_logs.random_effects import PER_MAD
 
-_TOLERANCE = (
-    0.10  # [1] of the distance; tyres that drive slip by half of that, slopes cost 6 % at 20°
-)
+_TOLERANCE = 0.10
+"""Of the distance [1]: tyres that drive slip by half of that, slopes cost 6 % at 20°."""
+
 _CHORD = 3.0  # [m] by the speed, between two positions
 _MIN_CHORDS = 8  # [1]
 _MOVING = 0.3  # [m/s]

@@ -59,8 +59,8 @@ struct TerrainRows {
 // Braking force along them: F_b/W = slope [s/m] * speed at brake onset + intercept [1].
 struct ForceRows {
   Numbers lower_slope, lower_intercept, upper_slope, upper_intercept;
-  Numbers dead_time;         // from command to onset, longest of the surfaces there [s]
-  Numbers shortest_dead_time;
+  Numbers dead_time;         // from command to onset, longest of the surfaces until then [s]
+  Numbers shortest_dead_time;  // of the surfaces there [s]
   Numbers slowest, fastest;  // trained speeds [m/s]
   Flags trained;
   const double* distance_offset;  // (M,) added to every stop [m]

@@ -66,7 +66,7 @@ class BrakingGround:
     Attributes:
         lower_slope, lower_intercept: lower bound of F_b/W [s/m], [1].
         upper_slope, upper_intercept: upper bound of F_b/W [s/m], [1].
-        dead_time: from stop command to onset, the longest of the surfaces on the way [s].
+        dead_time: from stop command to onset, the longest of the surfaces until then [s].
         shortest_dead_time: the shortest of the surfaces there [s].
         slowest: speed below which the coefficients no longer change [m/s].
         fastest: highest trained speed, on that grade where the model has a hull [m/s].
@@ -168,8 +168,8 @@ def _until_onset(
         before = longest
         for time in times[1:]:
             ahead = np.where(dead_time >= time, station, np.inf)
-            begins = np.minimum.accumulate(ahead[::-1])[::-1]
-            is_reached = begins <= station + speed * (longest + latency)
+            nearest = np.minimum.accumulate(ahead[::-1])[::-1]
+            is_reached = nearest <= station + speed * (longest + latency)
             longest = np.where(is_reached, np.maximum(longest, time), longest)
     return longest
 

@@ -8,7 +8,6 @@ the highest. Source: Braking (6)–(8); order of the effects as in
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -110,9 +109,7 @@ def path_force_along(
         trained_speed_max=lowest(np.array([_trained_speed_max(t, ground.grade) for t in tables])),
         extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
         friction=lowest(np.minimum(caps, NO_FRICTION_LIMIT)),
-        dead_time=_until_onset(
-            ground.station, on, dead_times, lambda dead: model.limits.speed * (dead + latency)
-        ),
+        dead_time=_until_onset(ground.station, on, dead_times, model.limits.speed, latency),
         shortest_dead_time=lowest(dead_times),
         offset=-float(lowest([-t.distance_offset for t in tables])[: line.driven].min()),
         grade_excess=-lowest(-outside),
@@ -121,16 +118,16 @@ def path_force_along(
 
 
 def _until_onset(
-    station: Floats, on: Bools, dead_times: list[float], reach: Callable[[Floats], Floats]
+    station: Floats, on: Bools, dead_times: list[float], speed: float, latency: float
 ) -> Floats:
     """(M,) longest dead times of the surfaces (R, M) that a vehicle meets until they are over [s].
 
-    ``reach`` is the distance that it drives in them, at most [m].
+    It is as fast as ``speed`` at most, and has the ``latency`` before them.
     """
     longest: Floats = np.where(on, np.array(dead_times)[:, None], 0.0).max(axis=0)
     counts = np.pad(np.cumsum(on, axis=1), ((0, 0), (1, 0)))
     for _ in dead_times:  # each may lead on to ground with a longer one
-        end = np.searchsorted(station, station + reach(longest), "right")
+        end = np.searchsorted(station, station + speed * (longest + latency), "right")
         for count, dead in zip(counts, dead_times, strict=True):
             is_met = count[end] > count[:-1]
             longest = np.where(is_met, np.maximum(longest, dead), longest)

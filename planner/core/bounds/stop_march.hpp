@@ -208,10 +208,6 @@ inline double next_piece(double left, double length, double energy, double lag) 
   return lag > 0.0 ? min_of(piece, max_of(0.2 * lag * std::sqrt(energy), least_step)) : piece;
 }
 
-}  // namespace detail
-
-namespace detail {
-
 // Where the brakes may take hold first: on any ground ahead whose dead time is over by then [m].
 inline double earliest_onset(std::size_t k, double speed, double latest, StopPath path) noexcept {
   double onset = latest;
